@@ -15,7 +15,7 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::path::Path;
 use std::process::{Command, Output};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A solution counts if the trial's yaw and pitch are this near to what was asked for, degrees.
 const NEAR_DEG: f64 = 0.5;
@@ -33,8 +33,9 @@ fn yaw_and_pitch(attitude: &Attitude) -> Target {
 
 fn aimed(target: &Target) -> Aimed {
     let robot = Robot::default();
-    let model = Model { robot: &robot, at_rest: &InversesAtRest::default(), goes_on: &|| true, solved: &|| {} };
-    aim::aim(&model, &Known::new(&robot, None), &aim::shipped().unwrap(), target).unwrap()
+    let at_rest = InversesAtRest::default();
+    let model = Model { robot: &robot, at_rest: &at_rest, goes_on: &|| true, until: None, solved: &|| {} };
+    aim::aim(&model, &Known::new(&robot, None), &aim::shipped().unwrap(), target, Duration::from_secs(600)).unwrap()
 }
 
 fn biflag(args: &[&str]) -> (Output, Value) {
@@ -53,16 +54,17 @@ fn speeds_that_are_found_give_the_attitude() {
         let target = yaw_and_pitch(&trial(rpm));
         let aimed = aimed(&target);
         println!("{rpm:?}: {target:?}");
-        assert!(aimed.reachable, "{aimed:?}");
+        assert!(aimed.is_found() && aimed.is_complete(), "{aimed:?}");
         for solution in &aimed.solutions {
             let attitude = trial(solution.state.rpm());
             println!("  {:?}: {attitude:?}", solution.state.rpm());
             assert!(target.error_deg(&attitude) < NEAR_DEG, "{solution:?}");
-            for (value, [low, high]) in [
+            for (value, ci) in [
                 (attitude.yaw_deg, solution.interval.yaw_ci_deg),
                 (attitude.pitch_deg, solution.interval.pitch_ci_deg),
                 (attitude.roll_deg, solution.interval.roll_ci_deg),
             ] {
+                let [low, high] = ci.expect("an interval");
                 assert!((low..=high).contains(&value), "{value} in {solution:?}");
             }
         }
@@ -175,9 +177,24 @@ fn an_attitude_out_of_reach_is_not_found() {
     let out = folder.path().join("plan.toml");
     let (output, json) = biflag(&["--yaw", "0", "--pitch", "60", "-o", path(&out)]);
     assert_eq!(output.status.code(), Some(3), "{json}");
-    assert_eq!(json["reachable"], false);
+    assert!(json["reachable"].is_null() && json["unfinished"].as_array().unwrap().is_empty(), "{json:#}");
     assert!(json["solutions"].as_array().unwrap().is_empty() && !out.exists());
     assert!(json["nearest"]["error_deg"].as_f64().unwrap() > 30.0, "{json:#}");
+}
+
+/// With contact all the time a trial takes seconds: the answer has the time that it is given.
+#[test]
+fn an_answer_is_given_in_time_and_names_what_is_unknown() {
+    let begun = Instant::now();
+    let (output, json) = biflag(&["--yaw", "150", "--pitch=-1", "--for", "1"]);
+    assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
+    assert_eq!(output.status.code(), Some(3), "{json}");
+    let unfinished = json["unfinished"].as_array().unwrap();
+    assert!(!unfinished.is_empty() && unfinished.iter().all(|one| one["yaw_deg"].is_number()), "{json:#}");
+    for one in json["solutions"].as_array().unwrap().iter().chain(json.get("nearest")) {
+        let is_unknown = one["unknown"].as_array().unwrap().contains(&"intervals".into());
+        assert_eq!(one["yaw_ci_deg"].is_null(), is_unknown, "{one:#}");
+    }
 }
 
 #[test]
@@ -192,6 +209,7 @@ fn wrong_use_is_told() {
         (vec!["--yaw", "nan", "--tilt", "1"], "yaw cannot be NaN"),
         (vec!["--yaw", "60", "--pitch", "1", "--table", path(&table)], "it has no column w1_rpm"),
         (vec!["--yaw", "60", "--pitch", "1", "--robot", "missing.toml"], "cannot be read"),
+        (vec!["--yaw", "60", "--pitch", "1", "--for", "0"], "must be above 0"),
     ] {
         let (output, json) = biflag(&args);
         assert_eq!(output.status.code(), Some(2), "{args:?}: {json}");
@@ -223,7 +241,7 @@ fn two_hundred_random_attitudes_are_met() {
         seconds.push(begun.elapsed().as_secs_f64());
         // Every solution must hold, not the best one alone.
         let misses = aimed.solutions.iter().map(|solution| target.error_deg(&trial(solution.state.rpm())));
-        let miss = if aimed.reachable { misses.fold(0.0, f64::max) } else { f64::INFINITY };
+        let miss = if aimed.is_found() { misses.fold(0.0, f64::max) } else { f64::INFINITY };
         errors.push(miss);
         let apart = |solution: &&aim::Solution| {
             let [w1, w2] = solution.state.rpm();

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use sim::step::InversesAtRest;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 use study::aim::{Aimed, Columns, Known, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
 use study::output;
 
@@ -29,7 +30,7 @@ pub struct Answer {
 
 /// Finds the speeds at which a robot takes an attitude.
 #[pyfunction]
-#[pyo3(signature = (robot, yaw, pitch, roll, tilt, thrust, table, threads))]
+#[pyo3(signature = (robot, yaw, pitch, roll, tilt, thrust, table, seconds, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn aim(
     py: Python<'_>,
@@ -40,6 +41,7 @@ pub fn aim(
     tilt: Option<f64>,
     thrust: Option<f64>,
     table: Option<Proposals>,
+    seconds: f64,
     threads: Option<usize>,
 ) -> PyResult<Answer> {
     let target = Target::new([
@@ -50,6 +52,8 @@ pub fn aim(
         (Quantity::Thrust, thrust),
     ]);
     let target = target.map_err(Failure::from)?;
+    let longest = Duration::try_from_secs_f64(seconds).ok().filter(|longest| !longest.is_zero());
+    let longest = longest.ok_or_else(|| Failure::new("seconds", format!("{seconds} is no time above 0 s")))?;
     let Robot { params, file } = robot.get();
     let pool = threads::pool(threads)?;
     let aimed = interruptible(py, |stop| {
@@ -59,9 +63,10 @@ pub fn aim(
             Some(Proposals::Columns(columns)) => of_columns(columns, params)?,
         };
         let goes_on = || !stop.load(Ordering::Relaxed);
-        let model = Model { robot: params, at_rest: &InversesAtRest::default(), goes_on: &goes_on, solved: &|| {} };
+        let at_rest = InversesAtRest::default();
+        let model = Model { robot: params, at_rest: &at_rest, goes_on: &goes_on, until: None, solved: &|| {} };
         let known = Known::new(params, file.fit()?);
-        Ok(pool.install(|| study::aim::aim(&model, &known, &table, &target))?)
+        Ok(pool.install(|| study::aim::aim(&model, &known, &table, &target, longest))?)
     })?;
     Ok(Answer { robot, target, aimed })
 }
@@ -80,7 +85,7 @@ impl Answer {
 
     /// Writes a plan of the solutions, which must not exist. A robot that is in no file gets one beside it.
     fn save_plan(&self, path: PathBuf) -> Result<(), Failure> {
-        if !self.aimed.reachable {
+        if !self.aimed.is_found() {
             return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));
         }
         output::check_new(&path)?;

@@ -108,6 +108,13 @@ def test_an_attitude_out_of_reach_has_a_nearest_one(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_what_was_not_computed_in_time_is_named() -> None:
+    aimed = biflag.aim(biflag.Robot.physical(), yaw=150, pitch=-1, seconds=0.01)
+    assert aimed.reachable is None and not aimed.solutions
+    assert aimed.unfinished and abs(aimed.unfinished[0]["yaw_deg"] - 150) < 5
+    assert aimed.table().rows == (aimed.nearest is not None)
+
+
 @pytest.mark.parametrize(
     ("key", "arguments"),
     [
@@ -116,6 +123,7 @@ def test_an_attitude_out_of_reach_has_a_nearest_one(tmp_path: Path) -> None:
         ("yaw", {"yaw": float("nan"), "tilt": 1}),
         ("table", {"yaw": 60, "pitch": 1, "table": "none.csv"}),
         ("table", {"yaw": 60, "pitch": 1, "table": biflag.Table({"w1_rpm": [1.0], "w2_rpm": [2.0]})}),
+        ("seconds", {"yaw": 60, "pitch": 1, "seconds": 0}),
         ("threads", {"yaw": 60, "pitch": 1, "threads": 0}),
     ],
 )

@@ -1,7 +1,7 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
 use super::{Answer, Outcome};
-use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Quantity, Solution, Target};
+use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Quantity, Solution, Target, Unknown};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
@@ -10,8 +10,10 @@ use crate::text::{count, decimal, word};
 use serde::Serialize;
 use sim::step::InversesAtRest;
 use std::fmt::Write as _;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// Find motor speeds for a wanted attitude, verified by the model.
 #[derive(clap::Args, Debug)]
@@ -19,7 +21,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
     biflag aim --yaw=-67 --pitch=-4\n  \
     biflag aim --yaw=-100 --tilt 5 --robot fitted.toml -o plan.toml && biflag record plan.toml\n\
     Two speeds determine two quantities: give two, or more if they are consistent. Yaw is matched modulo 360 degrees.\n\
-    If no speeds are found, the nearest attitude is printed, with exit code 3; other speeds may still reach it.")]
+    If no speeds are found, the nearest attitude is printed, with exit code 3; other speeds may still reach it.\n\
+    Where the flagella touch a trial takes long: what was not computed in the time of --for is named, with exit code 3.")]
 pub struct Args {
     /// Steady yaw, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
@@ -43,6 +46,9 @@ pub struct Args {
     /// The table of a sweep (CSV or Parquet) with the initial speeds; by default the map of the robot `physical`.
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
+    /// Longest time, seconds. What is known by then is the answer.
+    #[arg(long = "for", value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
+    longest_s: f64,
     /// The plan to write, with a trial at each pair of speeds; it must not exist yet.
     #[arg(short, long, value_name = "PLAN")]
     out: Option<PathBuf>,
@@ -64,8 +70,14 @@ struct Wanted {
     value: f64,
 }
 
-/// Number of steady states of a typical answer, to estimate the remaining time.
-const USUAL_STATES: usize = 20;
+/// Longest time that can be asked for, s: a day.
+const LONGEST_S: f64 = 86_400.0;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
+    let is_possible = seconds > 0.0 && seconds <= LONGEST_S;
+    is_possible.then_some(seconds).ok_or_else(|| format!("must be above 0 and at most {LONGEST_S}"))
+}
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let target = target(args)?;
@@ -78,16 +90,24 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let known = Known::new(&robot, file.fit()?);
 
     let interrupted = interruption()?;
-    let progress = Progress::new(USUAL_STATES as f64);
-    progress.phase(&target.to_string(), "asking the model");
+    let progress = Progress::new(args.longest_s);
+    progress.phase(&target.to_string(), &format!("asking the model, for {} s at most", decimal(args.longest_s, 0)));
+    let begun = Instant::now();
     let done = AtomicUsize::new(0);
-    let goes_on = || !interrupted.load(Ordering::Relaxed);
-    let solved = || {
-        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress.within(count.min(USUAL_STATES - 1) as f64);
+    let goes_on = || {
+        progress.within(begun.elapsed().as_secs_f64());
+        !interrupted.load(Ordering::Relaxed)
     };
-    let model = Model { robot: &robot, at_rest: &InversesAtRest::default(), goes_on: &goes_on, solved: &solved };
-    let aimed = aim::aim(&model, &known, &table, &target);
+    let solved = || {
+        let states = count(done.fetch_add(1, Ordering::Relaxed) + 1, "steady state");
+        progress.figures(&states);
+        if !std::io::stderr().is_terminal() {
+            progress.phase(&target.to_string(), &states);
+        }
+    };
+    let at_rest = InversesAtRest::default();
+    let model = Model { robot: &robot, at_rest: &at_rest, goes_on: &goes_on, until: None, solved: &solved };
+    let aimed = aim::aim(&model, &known, &table, &target, Duration::from_secs_f64(args.longest_s));
     progress.finish();
     let aimed = match aimed {
         Err(AimError::Interrupted) => {
@@ -95,16 +115,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         aimed => aimed?,
     };
-    let mut text = describe(&file.name, &target, &aimed);
+    let mut text = describe(&file.name, &target, &aimed, args.longest_s);
     let plan = match &args.out {
-        Some(out) if aimed.reachable => {
+        Some(out) if aimed.is_found() => {
             output::write_new(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
             let _ = write!(text, "\nplan {}", out.display());
             Some(out.display().to_string())
         }
         _ => None,
     };
-    let is_sound = aimed.reachable && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
+    let is_sound = aimed.is_found() && aimed.is_complete() && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
     let wanted = target.wanted.iter().map(|&(quantity, value)| Wanted { quantity, value }).collect();
     Answer::new(outcome, &Printed { robot: &file.name, wanted, aimed: &aimed, plan }, text)
@@ -121,19 +141,36 @@ fn target(args: &Args) -> Result<Target, AimError> {
     ])
 }
 
-fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
+fn describe(robot: &str, target: &Target, aimed: &Aimed, longest_s: f64) -> String {
+    let time = format!("{} s", decimal(longest_s, 0));
     let mut text = match &aimed.nearest {
-        None => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
+        _ if aimed.is_found() => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
         Some(_) => {
-            format!("{target}: not found with the robot {robot} within ±90 rpm; the nearest attitude found\n")
+            let time = if aimed.unfinished.is_empty() { String::new() } else { format!(" in {time}") };
+            format!("{target}: not found with the robot {robot} within ±90 rpm{time}; the nearest attitude found\n")
         }
+        None => format!("{target}: no trial of the robot {robot} has ended within {time}\n"),
     };
     for solution in aimed.solutions.iter().chain(&aimed.nearest) {
         text += &describe_solution(solution, aimed.confidence);
     }
+    // Writing to a string cannot fail.
+    if !aimed.is_complete() {
+        let _ = writeln!(
+            text,
+            "\nwarning: the {time} were over before the model had answered everything; --for gives it longer"
+        );
+    }
+    for Proposal { w1_rpm, w2_rpm, attitude } in &aimed.unfinished {
+        let [w1, w2] = [w1_rpm, w2_rpm].map(|rpm| decimal(*rpm, 2));
+        let [yaw, pitch, roll] = attitude.angles_deg().map(|angle| decimal(angle, 2));
+        let _ = writeln!(
+            text,
+            "  not finished: w1 {w1}, w2 {w2} rpm, which the table gives (yaw {yaw}°, pitch {pitch}°, roll {roll}° there)"
+        );
+    }
     for Doubt { reason, is_grave } in &aimed.doubts {
         let label = if *is_grave { "warning" } else { "note" };
-        // Writing to a string cannot fail.
         let _ = writeln!(text, "{label}: these are no 95 % intervals: {reason}");
     }
     text.truncate(text.trim_end().len());
@@ -151,12 +188,14 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
         ("roll", roll_deg, interval.roll_ci_deg, 2),
     ];
     // Writing to a string cannot fail.
-    for (name, value, [low, high], axis) in angles {
-        let _ =
-            write!(text, "  {name:<6} {:>8}°  {within} {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
-        let model = interval.model_error_deg.map_or(0.0, |error| error[axis]);
-        let parts =
-            [(interval.phase_spread_deg[axis], "", "the starting phase"), (model, "± ", "the error of the model")];
+    for (name, value, ci, axis) in angles {
+        let bounds = ci.map_or("interval unknown: the time was over".to_owned(), |[low, high]| {
+            format!("{within} {} to {}", decimal(low, 2), decimal(high, 2))
+        });
+        let _ = write!(text, "  {name:<6} {:>8}°  {bounds}", decimal(value, 2));
+        let [phase, model] =
+            [interval.phase_spread_deg, interval.model_error_deg].map(|parts| parts.map_or(0.0, |parts| parts[axis]));
+        let parts = [(phase, "", "the starting phase"), (model, "± ", "the error of the model")];
         let parts = parts.iter().filter(|(deg, ..)| *deg > 0.005);
         let parts: Vec<_> = parts.map(|(deg, sign, of)| format!("{sign}{}° by {of}", decimal(*deg, 2))).collect();
         text += &if parts.is_empty() { "\n".to_owned() } else { format!(", with {}\n", parts.join(" and ")) };
@@ -168,8 +207,13 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
         decimal(solution.tilt_deg, 2),
         decimal(1e3 * thrust_n, 2)
     );
-    let some = if interval.contact_by_phase { " (not at all starting phases)" } else { "" };
-    let change = solution.contact_change.map_or("no change of contact found".to_owned(), |change| {
+    let some = if interval.contact_by_phase == Some(true) { " (not at all starting phases)" } else { "" };
+    let none = if solution.unknown.contains(&Unknown::ContactChange) {
+        "change of contact unknown: the time was over"
+    } else {
+        "no change of contact found"
+    };
+    let change = solution.contact_change.map_or(none.to_owned(), |change| {
         format!(
             "contact changes {} rpm away, at ({}, {}) rpm",
             decimal(change.rpm, 0),

@@ -50,14 +50,14 @@ class Solution:
     kind: str
     """"steady" if the motion repeats, "beating" if it was not found to but its means are known, and "not_found" if they
     are not."""
-    yaw_ci_deg: tuple[float, float]
+    yaw_ci_deg: tuple[float, float] | None
     """Interval from the covariance of the robot's fit, the starting phase, the error of the model and the solver;
-    :attr:`Aimed.confidence` says whether it is a 95 % interval."""
-    pitch_ci_deg: tuple[float, float]
-    roll_ci_deg: tuple[float, float]
-    phase_spread_deg: tuple[float, float, float]
+    :attr:`Aimed.confidence` says whether it is a 95 % interval. ``None`` if the time was over before."""
+    pitch_ci_deg: tuple[float, float] | None
+    roll_ci_deg: tuple[float, float] | None
+    phase_spread_deg: tuple[float, float, float] | None
     """Largest less smallest yaw, pitch and roll of the starting phases."""
-    std_error_deg: tuple[float, float, float]
+    std_error_deg: tuple[float, float, float] | None
     """Standard errors of yaw, pitch and roll from those of the robot's file."""
     model_error_deg: tuple[float, float, float] | None
     """What the model leaves out, in yaw, pitch and roll; ``None`` if the robot was fitted to a simulation."""
@@ -65,14 +65,16 @@ class Solution:
     """Whether the flagella are apart, touching or bundled."""
     contact_share: float
     """Share of the time in which they touch."""
-    contact_by_phase: bool
+    contact_by_phase: bool | None
     """Whether they touch at some starting phases only."""
     contact_change: ContactChange | None
-    """The nearest change of contact; ``None`` if none was found."""
+    """The nearest change of contact; ``None`` if none was found, or if it is :attr:`unknown`."""
     min_gap_m: float
     """Least gap between their surfaces, negative if they overlap."""
     error_deg: float
     """Largest miss of the angles that were asked for."""
+    unknown: tuple[str, ...]
+    """What the model has not answered in time: "intervals", "contact_change"."""
     error_n: float | None = None
     """Miss of the thrust, if it was asked for."""
 
@@ -111,12 +113,15 @@ class Aimed:
     ('yaw -67°, pitch -4°', True, True)
     """
 
-    reachable: bool
-    """Whether solutions were found; others may exist."""
+    reachable: bool | None
+    """``True`` if solutions were found. ``None`` if not: other speeds may still reach the attitude."""
     solutions: list[Solution]
     """Speeds at which the target is met, the nearest first."""
     nearest: Solution | None
     """The nearest attitude that was found, if there is no solution."""
+    unfinished: list[dict[str, float]]
+    """Speeds for which the time was too short, with the attitude of the table: whether the target is met near them is
+    unknown."""
     confidence: float | None
     """Confidence of the intervals, 0.95; ``None`` where it cannot be stated."""
     doubts: list[Doubt]
@@ -133,8 +138,8 @@ class Aimed:
         numbers = ("w1_rpm", "w2_rpm", "yaw_deg", "pitch_deg", "roll_deg", "tilt_deg", "thrust_n", "error_deg")
         columns: dict[str, Any] = {name: [getattr(row, name) for row in rows] for name in numbers}
         for name in ("yaw", "pitch", "roll"):
-            intervals = np.array([getattr(row, f"{name}_ci_deg") for row in rows])
-            columns[f"{name}_low_deg"], columns[f"{name}_high_deg"] = intervals.T
+            intervals = np.array([getattr(row, f"{name}_ci_deg") or (np.nan, np.nan) for row in rows])
+            columns[f"{name}_low_deg"], columns[f"{name}_high_deg"] = intervals.reshape(-1, 2).T
         columns["contact"] = [row.contact for row in rows]
         columns["contact_change_rpm"] = [row.contact_change.rpm if row.contact_change else np.nan for row in rows]
         return Table(columns, ABOUT)
@@ -185,6 +190,7 @@ def aim(
     tilt: float | None = None,
     thrust: float | None = None,
     table: Table | Path | None = None,
+    seconds: float = 60.0,
     threads: int | None = None,
 ) -> Aimed:
     """Finds the speeds at which a robot takes an attitude, each verified by the model; as ``biflag aim``.
@@ -200,6 +206,7 @@ def aim(
         thrust: Thrust of both flagella along the robot's axis, N.
         table: The table that proposes speeds, of :func:`simulate_batch` or :func:`sweep`, or its file; the map of the robot
             ``physical`` if left out. A table of another robot costs time, not truth.
+        seconds: Longest time. The answer is what is known by then, and names what is not.
         threads: Number of threads; all cores if left out.
 
     Raises:
@@ -207,13 +214,14 @@ def aim(
         Error: The model fails wherever it was tried.
     """
     proposals = _numbers(table) if isinstance(table, Table) else table
-    answer = _biflag.aim(robot, yaw, pitch, roll, tilt, thrust, proposals, threads)
+    answer = _biflag.aim(robot, yaw, pitch, roll, tilt, thrust, proposals, seconds, threads)
     record = answer.record()
     nearest = record.get("nearest")
     return Aimed(
         reachable=record["reachable"],
         solutions=[Solution._of(one) for one in record["solutions"]],
         nearest=Solution._of(nearest) if nearest else None,
+        unfinished=record["unfinished"],
         confidence=record["confidence"],
         doubts=[Doubt(**doubt) for doubt in record["doubts"]],
         target=answer.target(),

@@ -23,7 +23,7 @@ pub struct ContactChange {
 /// Returns the nearest change of contact; `None` if the table has none, or if the model does not confirm it.
 ///
 /// # Errors
-/// [`AimError::Interrupted`].
+/// [`AimError::Interrupted`] and [`AimError::TimeOver`].
 pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Option<ContactChange>, AimError> {
     let rpm = state.rpm();
     let others = table.rows().iter().filter(|row| row.touches.is_some_and(|touches| touches != state.touches()));
@@ -65,7 +65,7 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
 fn differs(model: &Model, rpm: [f64; 2], touches: bool) -> Result<bool, AimError> {
     let different = |start: &[f64; 2]| match model.touches(rpm, *start) {
         Ok(other) if other != touches => Some(Ok(true)),
-        Err(AimError::Interrupted) => Some(Err(AimError::Interrupted)),
+        Err(error @ (AimError::Interrupted | AimError::TimeOver)) => Some(Err(error)),
         _ => None,
     };
     starts(rpm).par_iter().find_map_any(different).unwrap_or(Ok(false))

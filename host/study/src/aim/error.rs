@@ -64,14 +64,7 @@ pub enum AimError {
     /// The user has ended it.
     #[error("interrupted")]
     Interrupted,
-}
-
-impl AimError {
-    /// Converts an error of the model at these speeds (rpm).
-    pub(super) fn at(rpm: [f64; 2], source: SolveError) -> Self {
-        match source {
-            SolveError::Interrupted => Self::Interrupted,
-            source => Self::Model { rpm, source },
-        }
-    }
+    /// The model has not answered in time. [`aim`](super::aim()) does not return it: it says what it has.
+    #[error("the time was over")]
+    TimeOver,
 }

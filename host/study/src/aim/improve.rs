@@ -34,6 +34,8 @@ pub struct Best<T> {
     pub error: f64,
     /// Derivatives of the values with respect to the speeds, 1/rpm, as corrected by the search.
     pub derivatives: DMatrix<f64>,
+    /// Whether the search has ended because its time was over.
+    pub is_cut_short: bool,
 }
 
 /// What is asked for, and how nearly.
@@ -63,7 +65,7 @@ struct Point<T> {
 /// given speeds, and data for the caller.
 ///
 /// # Errors
-/// Those of `value` at the start; elsewhere only [`AimError::Interrupted`].
+/// Those of `value` at the start; elsewhere only [`AimError::Interrupted`]. Where the time is over, the search ends.
 pub fn improve<T>(
     goal: Goal,
     start: [f64; 2],
@@ -78,6 +80,7 @@ pub fn improve<T>(
     };
     let mut best = point(on_board(start))?;
     let mut longest = FIRST_STEP;
+    let mut is_cut_short = false;
     for _ in 1..goal.values {
         let miss = best.misses.norm();
         if best.misses.amax() < goal.close || longest < LAST_STEP {
@@ -93,6 +96,10 @@ pub fn improve<T>(
         let next = match point(rpm) {
             Ok(next) => next,
             Err(AimError::Interrupted) => return Err(AimError::Interrupted),
+            Err(AimError::TimeOver) => {
+                is_cut_short = true;
+                break;
+            }
             // The model fails there: nearer by.
             Err(_) => {
                 longest = 0.5 * taken.amax();
@@ -108,7 +115,8 @@ pub fn improve<T>(
             longest = 0.5 * taken.amax();
         }
     }
-    Ok(Best { rpm: best.rpm, error: largest(best.misses.as_slice()), state: best.state, derivatives })
+    let error = largest(best.misses.as_slice());
+    Ok(Best { rpm: best.rpm, error, state: best.state, derivatives, is_cut_short })
 }
 
 /// Returns the nearest speeds that a board can turn at, rpm.
@@ -192,6 +200,25 @@ mod tests {
         // Derivatives that are 50 % too large are corrected.
         let (best, values) = search(wanted.yaw_deg, wanted.pitch_deg, [50.0, 0.0], &[-1.5, -1.5, -0.15, 0.15]);
         assert!(best.error < CLOSE && values <= 8, "{best:?}, {values} values");
+    }
+
+    #[test]
+    fn a_search_whose_time_is_over_has_its_best_speeds() {
+        let target = Target { wanted: vec![(Quantity::Yaw, -60.0), (Quantity::Pitch, -3.0)] };
+        let goal = Goal { target: &target, thrust_step_n: 1.0, close: CLOSE, values: VALUES };
+        let derivatives = || DMatrix::from_row_slice(2, 2, &[-1.0, -1.0, -0.1, 0.1]);
+        for (most, is_cut_short) in [(1, true), (2, true), (VALUES, false)] {
+            let mut left = most;
+            let best = improve(goal, [10.0, 10.0], derivatives(), |rpm| {
+                left = usize::checked_sub(left, 1).ok_or(AimError::TimeOver)?;
+                Ok((attitude(rpm), rpm))
+            });
+            let best = best.unwrap();
+            assert_eq!((best.is_cut_short, best.rpm), (is_cut_short, best.state), "{most} values: {best:?}");
+            assert_eq!(best.rpm == [10.0, 10.0], most == 1);
+        }
+        let never = improve(goal, [10.0, 10.0], derivatives(), |_| Err::<(Attitude, ()), _>(AimError::TimeOver));
+        assert!(matches!(never, Err(AimError::TimeOver)));
     }
 
     #[test]

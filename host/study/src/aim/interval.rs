@@ -25,23 +25,24 @@ const CHANGE: f64 = 0.02;
 /// Error of the solver in steady angles, degrees: solutions with tolerances of 0.02 and 0.001 differ by no more.
 const SOLVER_DEG: f64 = 0.1;
 
-/// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so.
+/// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so. What the model has not
+/// answered in time is `None`.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Interval {
     /// Of the yaw: lower and upper bound.
-    pub yaw_ci_deg: [f64; 2],
+    pub yaw_ci_deg: Option<[f64; 2]>,
     /// Of the pitch.
-    pub pitch_ci_deg: [f64; 2],
+    pub pitch_ci_deg: Option<[f64; 2]>,
     /// Of the roll.
-    pub roll_ci_deg: [f64; 2],
+    pub roll_ci_deg: Option<[f64; 2]>,
     /// Largest minus smallest yaw, pitch and roll of the starting phases; extremes between them are in the intervals alone.
-    pub phase_spread_deg: [f64; 3],
+    pub phase_spread_deg: Option<[f64; 3]>,
     /// Standard errors of yaw, pitch and roll from those of the parameters.
-    pub std_error_deg: [f64; 3],
+    pub std_error_deg: Option<[f64; 3]>,
     /// Error of the model in yaw, pitch and roll; `None` if the robot was fitted to a simulation.
     pub model_error_deg: Option<[f64; 3]>,
     /// Whether the flagella touch at some starting phases only.
-    pub contact_by_phase: bool,
+    pub contact_by_phase: Option<bool>,
 }
 
 impl Interval {
@@ -49,7 +50,7 @@ impl Interval {
     /// end of a whole trial at the same speeds.
     ///
     /// # Errors
-    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn about(model: &Model, known: &Known, state: &State, trial: &Attitude) -> Result<Self, AimError> {
         let rpm = state.rpm();
         let changes = known.fit.as_ref().map_or_else(Vec::new, |fit| changes(model.robot, fit));
@@ -68,7 +69,7 @@ impl Interval {
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
         let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| state.attitude.angles_deg()).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));
-        let model_error_deg = known.model_error.as_ref().map(|error| error.of_modelled_deg(trial.angles_deg()));
+        let unknown = Self::unknown(known, trial);
         let spread = [0, 1, 2].map(|i| {
             let slopes: Vec<f64> = slopes.iter().map(|slope| slope[i]).collect();
             known.fit.as_ref().map_or([0.0; 2], |fit| propagated(fit, &changes, &slopes))
@@ -76,21 +77,34 @@ impl Interval {
         let trial = trial.angles_deg();
         let [yaw_ci_deg, pitch_ci_deg, roll_ci_deg] = [0, 1, 2].map(|i| {
             let [_, half] = spread[i];
-            let beside = half.hypot(SOLVER_DEG).hypot(model_error_deg.map_or(0.0, |error| error[i]));
-            [ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside]
+            let beside = half.hypot(SOLVER_DEG).hypot(unknown.model_error_deg.map_or(0.0, |error| error[i]));
+            Some([ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside])
         });
         Ok(Self {
             yaw_ci_deg,
             pitch_ci_deg,
             roll_ci_deg,
-            phase_spread_deg: [0, 1, 2].map(|i| {
+            phase_spread_deg: Some([0, 1, 2].map(|i| {
                 let of = || all.iter().map(|angles| angles[i]);
                 of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
-            }),
-            std_error_deg: spread.map(|[std_error, _]| std_error),
-            model_error_deg,
-            contact_by_phase,
+            })),
+            std_error_deg: Some(spread.map(|[std_error, _]| std_error)),
+            contact_by_phase: Some(contact_by_phase),
+            ..unknown
         })
+    }
+
+    /// Returns what is known about the attitude at the end of a trial without asking the model again.
+    pub fn unknown(known: &Known, trial: &Attitude) -> Self {
+        Self {
+            yaw_ci_deg: None,
+            pitch_ci_deg: None,
+            roll_ci_deg: None,
+            phase_spread_deg: None,
+            std_error_deg: None,
+            model_error_deg: known.model_error.as_ref().map(|error| error.of_modelled_deg(trial.angles_deg())),
+            contact_by_phase: None,
+        }
     }
 }
 

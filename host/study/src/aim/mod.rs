@@ -5,8 +5,10 @@
 //! the end of a whole trial of the model at the returned speeds, never a value of the table. So the table of another robot
 //! costs time, but not accuracy.
 //!
-//! Where the flagella touch, a trial takes several times as long as elsewhere, and the attitude may depend on the speeds
-//! irregularly. Speeds at which they touch are tried if there is no solution at others.
+//! All pairs of speeds that the table gives for the attitude are refined. Where the flagella touch, a trial takes up to a
+//! hundred times as long as elsewhere, and the attitude may depend on the speeds irregularly: these pairs come last. A search
+//! has a time; when it is over, the answer is what is known by then, and names what is not ([`Aimed::unfinished`],
+//! [`Solution::unknown`]).
 
 mod contact;
 mod error;
@@ -37,7 +39,7 @@ use improve::{Best, Goal, VALUES, improve};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 use table::distance;
 
 /// Largest error of a solution in a whole trial, degrees.
@@ -59,6 +61,8 @@ const TRIALS: usize = 5;
 const APART: f64 = 4.0;
 /// Difference of speeds for derivatives of the model, rpm.
 const DIFFERENCE: f64 = 2.0;
+/// Share of the time for the speeds. The rest is for the intervals and the changes of contact.
+const FOR_SPEEDS: f64 = 0.75;
 
 /// Speeds and their steady state in the model.
 #[derive(Serialize, Clone, PartialEq, Debug)]
@@ -78,22 +82,61 @@ pub struct Solution {
     pub error_n: Option<f64>,
     /// Where the flagella begin or cease to touch.
     pub contact_change: Option<ContactChange>,
+    /// What the model has not answered in time; its values are `None`.
+    pub unknown: Vec<Unknown>,
+}
+
+/// A part of a [`Solution`] that may be unknown.
+#[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "snake_case")]
+pub enum Unknown {
+    /// The intervals of the angles.
+    Intervals,
+    /// The nearest change of contact.
+    ContactChange,
+}
+
+/// Speeds that the table gives, with its attitude there.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct Proposal {
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// The attitude and the thrust by the table.
+    #[serde(flatten)]
+    pub attitude: Attitude,
 }
 
 /// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
-    /// Whether solutions were found. A search from a table may miss some.
-    pub reachable: bool,
+    /// `Some(true)` if solutions were found. `None` if not: a search from a table may miss some, so never `Some(false)`.
+    pub reachable: Option<bool>,
     /// Confidence of the intervals; `None` where it cannot be stated.
     pub confidence: Option<f64>,
     /// Why it cannot.
     pub doubts: Vec<Doubt>,
     /// Speeds at which the target is met, the nearest first.
     pub solutions: Vec<Solution>,
-    /// The nearest attitude that was found, if there is no solution.
+    /// The nearest attitude of a whole trial, if there is no solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearest: Option<Solution>,
+    /// Speeds for which the time was too short: whether the target is met near them is unknown.
+    pub unfinished: Vec<Proposal>,
+}
+
+impl Aimed {
+    /// Returns whether solutions were found.
+    pub fn is_found(&self) -> bool {
+        !self.solutions.is_empty()
+    }
+
+    /// Returns whether everything was computed in time.
+    pub fn is_complete(&self) -> bool {
+        let described = self.solutions.iter().chain(&self.nearest);
+        self.unfinished.is_empty() && described.into_iter().all(|solution| solution.unknown.is_empty())
+    }
 }
 
 /// Speeds to refine.
@@ -106,9 +149,9 @@ struct Start {
 }
 
 impl Start {
-    /// Starts of a later rank are refined if none of the earlier ones meet the target.
+    /// Starts of a later rank are refined after all earlier ones.
     fn rank(&self) -> [bool; 2] {
-        [self.is_unlikely, self.touches]
+        [self.touches, self.is_unlikely]
     }
 }
 
@@ -121,48 +164,69 @@ struct Found {
     steady: Option<State>,
 }
 
-/// Finds speeds for a target. `known`: what is known about the robot's parameters.
+/// Finds speeds for a target within a time. `known`: what is known about the robot's parameters.
 ///
 /// # Errors
 /// [`AimError::Model`] if the model fails wherever it was tried, and [`AimError::Interrupted`].
-pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target) -> Result<Aimed, AimError> {
+pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest: Duration) -> Result<Aimed, AimError> {
+    let begun = Instant::now();
+    let until = |share: f64| Model { until: begun.checked_add(longest.mul_f64(share)), ..*model };
+    let (model, whole) = (until(FOR_SPEEDS), until(1.0));
+    let describe = |found: &Found| describe(&whole, known, table, target, found);
     let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD, values: VALUES };
     let starts = propose(table, goal)?;
-    let mut found: Vec<Found> = Vec::new();
+    let mut nearest: Option<Found> = None;
+    let mut solutions: Vec<(f64, Solution)> = Vec::new();
+    let mut unfinished = Vec::new();
     let mut failed = None;
     for group in starts.chunk_by(|a, b| a.rank() == b.rank()) {
-        let refined = if group[0].touches {
-            refine_touching(model, table, goal, group)?
-        } else {
-            group.par_iter().map(|start| refine(model, table, goal, start)).collect()
-        };
-        for result in refined {
+        let refined: Vec<_> = group.par_iter().map(|start| refine(&model, table, goal, start)).collect();
+        let mut found: Vec<Found> = Vec::new();
+        for (start, result) in group.iter().zip(refined) {
+            let is_finished = |found: &Found| found.trial.error <= REACHED || !found.trial.is_cut_short;
+            if !result.as_ref().map_or_else(|error| !matches!(error, AimError::TimeOver), is_finished) {
+                unfinished.push(proposal(table, start.rpm));
+            }
             match result {
                 Ok(refined) => found.push(refined),
                 Err(AimError::Interrupted) => return Err(AimError::Interrupted),
+                Err(AimError::TimeOver) => {}
                 Err(error) => failed = Some(error),
             }
         }
-        if found.iter().any(|found| found.trial.error <= REACHED) {
-            break;
+        found.sort_by(|a, b| a.trial.error.total_cmp(&b.trial.error));
+        let is_nearer = |best: &&Found| nearest.as_ref().is_none_or(|other| best.trial.error < other.trial.error);
+        nearest = found.first().filter(is_nearer).cloned().or(nearest);
+        let mut new: Vec<Found> = Vec::new();
+        for candidate in found.into_iter().filter(|candidate| candidate.trial.error <= REACHED) {
+            let before = solutions.iter().map(|(_, solution)| solution.state.rpm());
+            if before
+                .chain(new.iter().map(|other| other.trial.rpm))
+                .all(|rpm| distance(rpm, candidate.trial.rpm) > APART)
+            {
+                new.push(candidate);
+            }
         }
+        let described = new.par_iter().map(|found| Ok((found.trial.error, describe(found)?)));
+        solutions.extend(described.collect::<Result<Vec<_>, AimError>>()?);
     }
-    found.sort_by(|a, b| a.trial.error.total_cmp(&b.trial.error));
-    let Some(best) = found.first().cloned() else {
-        return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows().len() }));
+    solutions.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let solutions: Vec<Solution> = solutions.into_iter().map(|(_, solution)| solution).collect();
+    let nearest = match nearest {
+        Some(nearest) if solutions.is_empty() => Some(describe(&nearest)?),
+        None if unfinished.is_empty() => {
+            return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows().len() }));
+        }
+        _ => None,
     };
-    let mut solutions: Vec<Found> = Vec::new();
-    for candidate in found.into_iter().filter(|candidate| candidate.trial.error <= REACHED) {
-        if solutions.iter().all(|other| distance(other.trial.rpm, candidate.trial.rpm) > APART) {
-            solutions.push(candidate);
-        }
-    }
-    let describe = |found: &Found| describe(model, known, table, target, found);
-    let solutions: Vec<Solution> = solutions.par_iter().map(describe).collect::<Result<_, _>>()?;
-    let reachable = !solutions.is_empty();
-    let nearest = if reachable { None } else { Some(describe(&best)?) };
+    let reachable = (!solutions.is_empty()).then_some(true);
     let (confidence, doubts) = (known.confidence(), known.doubts.clone());
-    Ok(Aimed { reachable, confidence, doubts, solutions, nearest })
+    Ok(Aimed { reachable, confidence, doubts, solutions, nearest, unfinished })
+}
+
+/// Returns speeds with the attitude of the table.
+fn proposal(table: &Table, rpm: [f64; 2]) -> Proposal {
+    Proposal { w1_rpm: rpm[0], w2_rpm: rpm[1], attitude: table.about(rpm).at(rpm) }
 }
 
 /// Returns speeds that meet the target in the table, or come near, those to refine first at the front.
@@ -187,55 +251,31 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
     Ok(starts)
 }
 
-/// Refines speeds at which the flagella are apart, by steady states and then by whole trials.
+/// Refines speeds.
 fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Found, AimError> {
     let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
+    let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
+    if start.touches {
+        // By trials alone: steady states often take as long there. The attitude scatters from one pair of speeds to the next, so
+        // a solution is not improved further.
+        let goal = Goal { close: REACHED, values: TRIALS, ..goal };
+        return Ok(Found { trial: improve(goal, start.rpm, derivatives, by_trial)?, steady: None });
+    }
     let by_steady = |rpm: [f64; 2]| model.at(rpm, [0.0; 2]).map(|state| (state.attitude, state));
     let steady = improve(Goal { close: CLOSE, ..goal }, start.rpm, derivatives, by_steady)?;
-    let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
     let mut trial = improve(goal, steady.rpm, steady.derivatives, by_trial)?;
-    if trial.error > REACHED && !trial.state.touches() {
+    if trial.error > REACHED && !trial.state.touches() && !trial.is_cut_short {
         // The derivatives of the table may be those of another robot.
-        let again = improve(goal, trial.rpm, own_derivatives(model, goal, &trial.state)?, by_trial)?;
-        if again.error < trial.error {
-            trial = again;
+        let by_own = own_derivatives(model, goal, &trial.state).and_then(|own| improve(goal, trial.rpm, own, by_trial));
+        match by_own {
+            Ok(again) if again.error < trial.error => trial = again,
+            Ok(again) => trial.is_cut_short = again.is_cut_short,
+            Err(AimError::TimeOver) => trial.is_cut_short = true,
+            Err(error) => return Err(error),
         }
     }
     let steady = Some(steady.state).filter(|steady| steady.rpm() == trial.rpm);
     Ok(Found { trial, steady })
-}
-
-/// Refines speeds at which the flagella touch, up to the first ones that meet the target; those after them are interrupted.
-/// By trials alone: steady states often take as long there.
-///
-/// # Errors
-/// [`AimError::Interrupted`] by the user.
-fn refine_touching(
-    model: &Model,
-    table: &Table,
-    goal: Goal,
-    starts: &[Start],
-) -> Result<Vec<Result<Found, AimError>>, AimError> {
-    // The attitude scatters there from one pair of speeds to the next, so a solution is not improved further.
-    let goal = Goal { close: REACHED, values: TRIALS, ..goal };
-    let first = AtomicUsize::new(starts.len());
-    let refine = |(i, start): (usize, &Start)| {
-        let goes_on = || (model.goes_on)() && i <= first.load(Ordering::Relaxed);
-        let model = Model { goes_on: &goes_on, ..*model };
-        let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
-        let trial = improve(goal, start.rpm, derivatives, |rpm| model.trial(rpm).map(|state| (state.attitude, state)))?;
-        if trial.error <= REACHED {
-            first.fetch_min(i, Ordering::Relaxed);
-        }
-        Ok(Found { trial, steady: None })
-    };
-    let mut refined: Vec<_> = starts.par_iter().enumerate().map(refine).collect();
-    if !(model.goes_on)() {
-        return Err(AimError::Interrupted);
-    }
-    // Whether a later one has come to its end is chance.
-    refined.truncate(first.into_inner() + 1);
-    Ok(refined)
 }
 
 /// Returns the model's own derivatives of the values with respect to the speeds, 1/rpm.
@@ -261,7 +301,21 @@ fn describe(model: &Model, known: &Known, table: &Table, target: &Target, found:
         Ok((State { attitude: trial.attitude, ..steady }, Interval::about(model, known, &steady, &trial.attitude)?))
     };
     let (about, contact_change) = rayon::join(about, || contact::nearest_change(model, table, trial));
-    let (state, interval) = about?;
+    let mut unknown = Vec::new();
+    let (state, interval) = match about {
+        Err(AimError::TimeOver) => {
+            unknown.push(Unknown::Intervals);
+            (*trial, Interval::unknown(known, &trial.attitude))
+        }
+        about => about?,
+    };
+    let contact_change = match contact_change {
+        Err(AimError::TimeOver) => {
+            unknown.push(Unknown::ContactChange);
+            None
+        }
+        contact_change => contact_change?,
+    };
     let attitude = state.attitude;
     Ok(Solution {
         state,
@@ -269,6 +323,7 @@ fn describe(model: &Model, known: &Known, table: &Table, target: &Target, found:
         interval,
         error_deg: target.error_deg(&attitude),
         error_n: target.error_n(&attitude),
-        contact_change: contact_change?,
+        contact_change,
+        unknown,
     })
 }

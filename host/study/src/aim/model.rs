@@ -12,6 +12,7 @@ use sim::step::{InversesAtRest, Solver};
 use sim::trial::means::WINDOW;
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
+use std::time::Instant;
 
 /// Duration of the trial if no repeating motion is found, s: the default run of a plan.
 pub const TRIAL_S: f64 = 120.0;
@@ -29,8 +30,10 @@ pub struct Model<'a> {
     pub robot: &'a Robot,
     /// Inverses that its trials share.
     pub at_rest: &'a InversesAtRest,
-    /// Returns whether to go on.
+    /// Returns whether to go on; `false` is the user's wish.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// When it has to answer, if it has to.
+    pub until: Option<Instant>,
     /// Is called after each steady state.
     pub solved: &'a (dyn Fn() + Sync),
 }
@@ -80,10 +83,23 @@ impl State {
 }
 
 impl Model<'_> {
+    fn goes_on(&self) -> bool {
+        (self.goes_on)() && self.until.is_none_or(|until| Instant::now() < until)
+    }
+
+    /// Converts an error of the solver at these speeds (rpm).
+    fn error(&self, rpm: [f64; 2], source: SolveError) -> AimError {
+        match source {
+            SolveError::Interrupted if (self.goes_on)() => AimError::TimeOver,
+            SolveError::Interrupted => AimError::Interrupted,
+            source => AimError::Model { rpm, source },
+        }
+    }
+
     /// Returns the steady state at these speeds, of motors that start at these angles (deg).
     ///
     /// # Errors
-    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn at(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
         self.of(self.robot, rpm, start_deg)
     }
@@ -100,9 +116,9 @@ impl Model<'_> {
             output: None,
             at_rest: Some(self.at_rest),
         };
-        let found = steady::solve(&problem, &|_| (self.goes_on)());
+        let found = steady::solve(&problem, &|_| self.goes_on());
         (self.solved)();
-        let Periodic { kind, summary, .. } = found.map_err(|error| AimError::at(rpm, error))?;
+        let Periodic { kind, summary, .. } = found.map_err(|error| self.error(rpm, error))?;
         Ok(State::of(rpm, kind, &summary))
     }
 
@@ -110,9 +126,9 @@ impl Model<'_> {
     /// that of the whole trial.
     ///
     /// # Errors
-    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
-        let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| AimError::at(rpm, error))?;
+        let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| self.error(rpm, error))?;
         Ok(State::of(rpm, Kind::of_trial(&summary.steady), &summary))
     }
 
@@ -120,7 +136,7 @@ impl Model<'_> {
     /// whose steps take most of the time, or when its means are known.
     ///
     /// # Errors
-    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
         let mut next_s = WINDOW;
         let goes_on = |trial: &Trial| {
@@ -133,7 +149,7 @@ impl Model<'_> {
             next_s += WINDOW;
             !trial.summary().steady.settled
         };
-        let summary = self.run(rpm, start_deg, goes_on).map_err(|error| AimError::at(rpm, error))?;
+        let summary = self.run(rpm, start_deg, goes_on).map_err(|error| self.error(rpm, error))?;
         Ok(summary.first_contact_s.is_some())
     }
 
@@ -150,7 +166,7 @@ impl Model<'_> {
             Trial::with_solver(Solver::sharing(self.robot, Closure::Full, self.at_rest)?, profile, options)?;
         while let Some(sample) = trial.next() {
             sample?;
-            if !(self.goes_on)() {
+            if !self.goes_on() {
                 return Err(SolveError::Interrupted);
             }
             if !goes_on(&trial) {

@@ -19,7 +19,10 @@ pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -
             ("pitch", pitch_deg, interval.pitch_ci_deg),
             ("roll", roll_deg, interval.roll_ci_deg),
         ];
-        let angles = angles.map(|(name, deg, [low, high])| format!("{name} {deg:.2} ({low:.2} to {high:.2})"));
+        let angles = angles.map(|(name, deg, ci)| match ci {
+            Some([low, high]) => format!("{name} {deg:.2} ({low:.2} to {high:.2})"),
+            None => format!("{name} {deg:.2} (interval unknown)"),
+        });
         text += &format!("#   {}, {} rpm: {} deg\n", state.w1_rpm, state.w2_rpm, angles.join(", "));
     }
     let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = Phases::default();
