@@ -119,7 +119,7 @@ impl From<AimError> for Failure {
                 Self::parameter(&word(quantity), reason)
             }
             AimError::Table { .. } | AimError::TooSmall { .. } => Self { key: "table".to_owned(), ..Self::of(&error) },
-            AimError::Model { .. } => Self { key: "solver".to_owned(), ..Self::of(&error) },
+            AimError::Model { .. } | AimError::TimeOver => Self { key: "solver".to_owned(), ..Self::of(&error) },
             AimError::Interrupted => Self::interrupted(),
         }
     }

@@ -140,6 +140,7 @@ def aim(
     tilt: float | None,
     thrust: float | None,
     table: str | PathLike[str] | Sequence[tuple[str, Sequence[float]]] | None,
+    seconds: float,
     threads: int | None,
 ) -> Answer: ...
 def sweep(
