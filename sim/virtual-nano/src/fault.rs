@@ -9,8 +9,10 @@
 //! # Ok::<(), String>(())
 //! ```
 
+use crate::coupling::Cable;
 use crate::encoder::Disturbance;
 use crate::imu::fault::{At, Fault as ImuFault};
+use crate::mcu::FREQUENCY_HZ;
 use crate::motor::Rotor;
 use std::fmt::Write;
 use std::str::FromStr;
@@ -21,6 +23,7 @@ use std::str::FromStr;
 pub enum Fault {
     EncoderSwapped { motor: usize },
     Disturbed { motor: usize, channel: usize, disturbance: Disturbance },
+    Coupled(Cable),
     UnevenPoles { motor: usize, fraction: f64 },
     Held { motor: usize, rotor: Rotor },
     Stiction { motor: usize, fraction: f64 },
@@ -80,6 +83,20 @@ const KINDS: &[Kind] = &[
         values: &[("HZ", 100e3), MOTOR, CHANNEL],
         meaning: "a square wave in place of an encoder's signal",
         make: |v| v.disturbed(1, Disturbance::Tone { hz: v.within(0, 0.1, 1e6)? }),
+    },
+    Kind {
+        name: "pwm-spikes",
+        values: &[("MICROSECONDS", 2.0), ("CABLES", 2.0), ("CHANNEL", 0.0)],
+        meaning: "each edge of a motor's PWM inverts the encoder lines in its cable for MICROSECONDS; CABLES 2: each motor \
+                  has one with its encoder, 1: all share one; CHANNEL 0: both lines of an encoder",
+        make: |v| {
+            let channel = v.within(2, 0.0, 2.0)?;
+            Ok(Fault::Coupled(Cable {
+                width: (v.within(0, 0.1, 500.0)? * 1e-6 * FREQUENCY_HZ as f64) as u64,
+                shared: v.within(1, 1.0, 2.0)? == 1.0,
+                channels: [channel != 2.0, channel != 1.0],
+            }))
+        },
     },
     Kind {
         name: "uneven-poles",

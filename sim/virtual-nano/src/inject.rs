@@ -14,6 +14,7 @@ impl Board {
         match fault {
             Fault::EncoderSwapped { motor } => self.encoder_mut(motor).swap(true),
             Fault::Disturbed { motor, channel, disturbance } => self.disturb_encoder(motor, channel, disturbance),
+            Fault::Coupled(cable) => self.lay_cable(Some(cable)),
             Fault::UnevenPoles { motor, fraction } => self.encoder_mut(motor).set_uneven(fraction),
             Fault::Held { motor, rotor } => self.motors_mut()[motor].hold(rotor),
             Fault::Stiction { motor, fraction } => self.motors_mut()[motor].parameters_mut().breakaway = fraction,
@@ -54,6 +55,7 @@ impl Board {
             motor.set_powered(true);
         }
         self.swap_motors(false);
+        self.lay_cable(None);
         self.change_imu(|imu| {
             imu.clear_faults();
             let error = imu.source().part().errors().sample_clock_error;
