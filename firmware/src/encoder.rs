@@ -28,14 +28,14 @@ pub const SPIKE_US: u16 = 60;
 /// interrupt is off until the next tick. The PWM has 20 edges between two ticks at most.
 pub const MAX_GLITCHES: u8 = 24;
 
-/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: 24 µs.
-const PWM_SPIKE: u8 = 7;
+/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed.
+const PWM_SPIKE: u8 = 6;
 
 /// Returns whether a motor's PWM has just had an edge: at the count of 0, or at that after `compare`. A new compare value comes
 /// into force at 0 only, so that this edge may be a count away from it.
 #[inline(always)]
 pub fn is_by_pwm(count: u8, compare: u8) -> bool {
-    count < PWM_SPIKE || count.wrapping_sub(compare) < PWM_SPIKE
+    count < PWM_SPIKE || count.wrapping_sub(compare) <= PWM_SPIKE
 }
 
 /// [`SPIKE_US`] in counts of the clock.

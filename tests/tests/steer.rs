@@ -171,6 +171,31 @@ fn interrupted_run_is_closed() {
     assert_eq!(summary(log).unwrap().unwrap().end, End::Aborted);
 }
 
+/// What disturbs the rig while it steers is made up for: the means over the last 30 s are those without it.
+#[test]
+#[ignore = "ten minutes of the emulated board"]
+fn disturbed_run_recovers() {
+    let held = |fault: Option<&str>| {
+        let bench = Bench::new();
+        let mut arguments =
+            vec!["steer", "--yaw=-40", "--pitch", "3", "--virtual", "--lock-step", "--out", "run", "--json"];
+        arguments.extend(fault.iter().flat_map(|fault| ["--fault", fault]));
+        let json = bench.run(arguments).json();
+        let value = |key: &str| json[key].as_f64().unwrap_or_else(|| panic!("no {key}: {json}"));
+        let held = ["mean_yaw_deg", "mean_pitch_deg", "reached_s", "late_steps"].map(value);
+        println!("| {} | {:.2} | {:.2} | {:.1} | {} |", fault.unwrap_or("none"), held[0], held[1], held[2], held[3]);
+        held
+    };
+    println!(
+        "| disturbance | mean yaw, ° | mean pitch, ° | reached, s | late steps |\n| --- | --- | --- | --- | --- |"
+    );
+    let [yaw_deg, pitch_deg, ..] = held(None);
+    for fault in ["motor-supply=5@100", "no-frames=100@100", "frames-lost=10@0.5"] {
+        let [yaw, pitch, ..] = held(Some(fault));
+        assert!((yaw - yaw_deg).abs() < 0.5 && (pitch - pitch_deg).abs() < 0.5, "{fault}: {yaw}, {pitch}");
+    }
+}
+
 /// The log of a steered run is an ordinary one: it is replayed with the speeds that it had, and compared.
 #[test]
 fn steered_model_is_replayed_and_compared() {

@@ -144,7 +144,7 @@ fn flags() -> &'static exint::EIFR {
 }
 
 /// Returns whether the lines may be disturbed, because the voltage at a motor has just changed.
-#[inline(never)]
+#[inline(always)]
 fn pwm_disturbs() -> bool {
     // SAFETY: the registers are only read.
     let (timer0, timer2) = unsafe { (&*TC0::ptr(), &*TC2::ptr()) };

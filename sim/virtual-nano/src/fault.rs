@@ -30,6 +30,7 @@ pub enum Fault {
     MotorReversed { motor: usize },
     MotorsSwapped,
     MotorSupplyOff,
+    MotorSupply { volts: f64 },
     Imu(ImuFault),
     Register { address: u8, value: u8 },
     SensorClock { fraction: f64 },
@@ -44,6 +45,8 @@ pub enum Fault {
     Hang { interrupts: bool },
     Busy { ms: f64 },
     Usb { latency_ms: f64, packet: usize },
+    FramesLost { share: f64 },
+    NoFrames { ms: f64 },
 }
 
 /// A name and what it asks for.
@@ -139,6 +142,12 @@ const KINDS: &[Kind] = &[
         values: &[],
         meaning: "the 6 V supply of the motors is off",
         make: |_| Ok(Fault::MotorSupplyOff),
+    },
+    Kind {
+        name: "motor-supply",
+        values: &[("VOLT", 5.0)],
+        meaning: "the 6 V supply of the motors is VOLT",
+        make: |v| Ok(Fault::MotorSupply { volts: v.within(0, 0.0, 12.0)? }),
     },
     Kind {
         name: "nack",
@@ -267,6 +276,18 @@ const KINDS: &[Kind] = &[
         values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
         meaning: "the USB bridge collects packets of BYTES bytes, for at most MILLISECONDS",
         make: |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
+    },
+    Kind {
+        name: "frames-lost",
+        values: &[("PERCENT", 10.0)],
+        meaning: "PERCENT of the telemetry frames are lost on the line, at random",
+        make: |v| Ok(Fault::FramesLost { share: v.within(0, 0.0, 100.0)? / 100.0 }),
+    },
+    Kind {
+        name: "no-frames",
+        values: &[("MILLISECONDS", 100.0)],
+        meaning: "no telemetry frame arrives for MILLISECONDS, at 200 frames a second",
+        make: |v| Ok(Fault::NoFrames { ms: v.within(0, 5.0, 1e5)? }),
     },
 ];
 

@@ -135,11 +135,16 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
         println!("| {name} | {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
         let stops = noise == TONES;
         assert_eq!((last.fault != Fault::None, last.missed_ticks.0, last.unsent.0), (stops, 0, 0), "{name}");
-        // What the processor has no time for is dropped; a host sends far less.
-        assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
+        // What the processor has no time for is dropped; a host sends far less. Among spikes it may miss a byte.
+        let missed = sent - answered;
+        let is_spiked = PWM_SPIKES.contains(&noise);
+        assert!(
+            answered > 0 && (missed == 0 || share > 0.1 || is_spiked && 50 * missed < sent),
+            "{answered} of {sent}"
+        );
         let ram = u64::from(host.board.static_bytes().unwrap() + host.board.deepest_stack().unwrap());
         assert!(ram <= RAM, "{name}: {ram} bytes of RAM");
-        let limit = if PWM_SPIKES.contains(&noise) { WORST_TICK_WITH_SPIKES } else { WORST_TICK };
+        let limit = if is_spiked { WORST_TICK_WITH_SPIKES } else { WORST_TICK };
         assert!(tick.worst <= limit, "{name}: {} cycles", tick.worst);
     }
 }
