@@ -122,6 +122,9 @@ hostile: build
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test all link::frames_dropped_at_random -- --nocapture
+	POLICY_KILLS=100 $(CARGO) test --release --locked -p tests --test all steer::killed -- --nocapture
+	SPIKES_WHOLE=1 $(CARGO) test --release --locked -p virtual-nano --test all pwm_spikes -- --nocapture
+	FREE_WHOLE=1 $(CARGO) test --release --locked -p virtual-nano --test all free_motors -- --nocapture
 	PHASES_WHOLE=1 $(CARGO) test --release --locked -p virtual-nano --test all phase -- --nocapture
 	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test all silent_host -- --nocapture
 	CUTS=1000 $(CARGO) test --release --locked -p virtual-nano --test all hostile::positions -- --nocapture

@@ -316,13 +316,13 @@ where
         telemetry.glitches.0 = telemetry.glitches.0.wrapping_add(u16::from(motion.glitches));
         let (duty, target) = (telemetry.duty[motor], telemetry.target[motor]);
         let mut faults = self.guards[motor].check(duty, target, &motion, self.settings.moving_duty[motor]);
-        if edges.is_noisy() || faults[0] == Fault::Encoder1Failed {
+        if edges.is_noisy || faults[0] == Fault::Encoder1Failed {
             self.store.positions.lose();
         }
         if self.is_running() {
             self.control[motor].follow(target, tick.missed, &motion, self.count_in_ticks);
         }
-        if edges.is_noisy() {
+        if edges.is_noisy {
             faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
         } else if !self.is_running() && faults[0] != Fault::Motor1Overloaded {
             // The rest judges how a speed is kept.

@@ -24,9 +24,19 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 /// Time within which two edges are a spike, µs: at full voltage the published motor's edges are 770 µs apart.
 pub const SPIKE_US: u16 = 60;
 
-/// Number of edges of an encoder between two ticks that are none by motion above which its interrupt is off until the next
-/// tick.
+/// Number of edges of an encoder between two ticks that are none by motion nor in step with the motors' PWM above which its
+/// interrupt is off until the next tick. The PWM has 20 edges between two ticks at most.
 pub const MAX_GLITCHES: u8 = 24;
+
+/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed.
+const PWM_SPIKE: u8 = 6;
+
+/// Returns whether a motor's PWM has just had an edge: at the count of 0, or at that after `compare`. A new compare value comes
+/// into force at 0 only, so that this edge may be a count away from it.
+#[inline(always)]
+pub fn is_by_pwm(count: u8, compare: u8) -> bool {
+    count < PWM_SPIKE || count.wrapping_sub(compare) <= PWM_SPIKE
+}
 
 /// [`SPIKE_US`] in counts of the clock.
 const SPIKE: u16 = 2 * SPIKE_US;
@@ -54,13 +64,8 @@ pub struct Edges {
     pub before: Edge,
     /// Number of edges since the tick before that are noise.
     pub glitches: u8,
-}
-
-impl Edges {
-    /// Returns whether the encoder is noisy: its interrupt must then be off until the next tick.
-    pub fn is_noisy(&self) -> bool {
-        self.glitches > MAX_GLITCHES
-    }
+    /// Whether the encoder is noisy: its interrupt is then off until the next tick.
+    pub is_noisy: bool,
 }
 
 /// Separates edges by motion from noise, as the interrupt of an encoder feeds them. Its times are those of a clock of 16 bits
@@ -76,6 +81,8 @@ pub struct Filter {
     cancelled: u16,
     distance: u8,
     glitches: u8,
+    /// Number of spikes in step with the motors' PWM.
+    by_pwm: u8,
     /// The edges by motion: their number since the tick before, the position after them, the times of the last two, and the
     /// change of the position at the last one.
     number: u8,
@@ -95,6 +102,7 @@ impl Filter {
             cancelled: 0,
             distance: 0,
             glitches: 0,
+            by_pwm: 0,
             number: 0,
             count: 0,
             last: 0,
@@ -108,8 +116,14 @@ impl Filter {
         self.level = channel_1;
     }
 
+    /// Returns the level of channel 1 after the last edge.
+    #[inline(always)]
+    pub fn level(&self) -> bool {
+        self.level
+    }
+
     /// Takes the level of channel 1 after an edge of it. `channel_2` returns that of channel 2; it is called last, if it is.
-    /// Returns whether the encoder is noisy, as [`Edges::is_noisy`].
+    /// Returns whether the encoder is noisy, as [`Edges`] has it.
     #[inline(always)]
     pub fn feed(&mut self, channel_1: bool, time: u16, channel_2: impl FnOnce() -> bool) -> bool {
         let mut glitches = 1;
@@ -151,6 +165,12 @@ impl Filter {
         self.glitches > MAX_GLITCHES
     }
 
+    /// Counts a spike in step with the motors' PWM.
+    #[inline(always)]
+    pub fn reject_by_pwm(&mut self) {
+        self.by_pwm = self.by_pwm.wrapping_add(1);
+    }
+
     #[inline(always)]
     fn settle(&mut self) {
         self.before = self.last;
@@ -172,10 +192,12 @@ impl Filter {
             number: self.number,
             last: Edge { count: self.count, time: at(self.last) },
             before: Edge { count: self.count.wrapping_sub(i16::from(self.last_step)), time: at(self.before) },
-            glitches: self.glitches,
+            glitches: self.glitches.saturating_add(self.by_pwm),
+            is_noisy: self.glitches > MAX_GLITCHES,
         };
         self.number = 0;
         self.glitches = 0;
+        self.by_pwm = 0;
         edges
     }
 }

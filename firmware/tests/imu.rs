@@ -35,6 +35,10 @@ fn set_up(id: u8) -> Vec<Transaction> {
 fn set_up_with(id: u8, registers: &[u8; 4]) -> Vec<Transaction> {
     let mut transactions = vec![read(0x75, &[id]), write(0x6B, &[0x80]), write(0x6B, &[0x01])];
     transactions.extend((0x19..).zip(registers).map(|(register, value)| write(register, &[*value])));
+    if id != 0x68 {
+        // The accelerometer of a clone has a filter of its own.
+        transactions.push(write(0x1D, &registers[1..2]));
+    }
     transactions.push(write(0x38, &[0x01]));
     transactions
 }

@@ -42,9 +42,13 @@ fn usb_packets_and_a_resonator_that_is_off_lose_nothing() {
 #[test]
 fn a_fault_of_the_board_is_named() {
     let bench = Bench::new();
-    for (fault, named) in
-        [("blocked=2@2", "motor 2"), ("gone@2", "IMU"), ("brown-out@2", "supply"), ("hang=1@2", "restarted")]
-    {
+    for (fault, named) in [
+        ("blocked=2@2", "motor 2"),
+        ("gone@2", "IMU"),
+        ("brown-out@2", "supply"),
+        ("hang=1@2", "restarted"),
+        ("pwm-spikes=2,1", "edges a second"),
+    ] {
         let run = record(&bench, fault).expect_code(1);
         println!("{fault}: {}", run.stderr.lines().find(|line| line.starts_with("error")).unwrap_or_default());
         assert!(run.stderr.contains(named), "{fault}: {run:?}");

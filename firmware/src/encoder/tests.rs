@@ -250,7 +250,7 @@ fn the_position_is_right_at_full_speed_among_300_spikes_a_second() {
             shaft.look(now);
             if us % TICK_US == 0 {
                 let edges = take(&mut shaft.filter, now);
-                assert!(!edges.is_noisy(), "{}", edges.glitches);
+                assert!(!edges.is_noisy, "{}", edges.glitches);
                 glitches += u32::from(edges.glitches);
                 if edges.number > 0 {
                     position = edges.last.count;
@@ -332,8 +332,8 @@ fn more_spikes_than_the_limit_are_noise_until_the_next_tick() {
             let noisy = filter.feed(edge % 2 == 1, clock(tick * TICK_US + 5 * edge), || false);
             assert_eq!(noisy, edge > u32::from(MAX_GLITCHES) + 1, "{edge}");
         }
-        assert!(take(&mut filter, (tick + 1) * TICK_US).is_noisy());
-        assert!(!take(&mut filter, (tick + 1) * TICK_US).is_noisy());
+        assert!(take(&mut filter, (tick + 1) * TICK_US).is_noisy);
+        assert!(!take(&mut filter, (tick + 1) * TICK_US).is_noisy);
     }
 }
 
@@ -346,4 +346,21 @@ fn a_speed_too_high_for_its_number_saturates() {
         let motion = encoder.update(&take(&mut filter, now), Micros(now), centi_rpm_scale(1.0));
         assert_eq!(motion.speed, CentiRpm(if edge == 1 { 0 } else { -i16::MAX }));
     }
+}
+
+#[test]
+fn the_24_us_after_each_edge_of_the_pwm_are_known() {
+    // A pulse of 101 counts, of 4 µs each.
+    let after: Vec<u8> = (0..=255).filter(|count| is_by_pwm(*count, 100)).collect();
+    assert_eq!(after, (0..6).chain(100..107).collect::<Vec<_>>());
+    assert!(is_by_pwm(1, 251) && !is_by_pwm(250, 251), "across the end of a period");
+}
+
+#[test]
+fn spikes_in_step_with_the_pwm_are_counted_and_are_no_noise() {
+    let mut filter = Filter::new();
+    (0..40).for_each(|_| filter.reject_by_pwm());
+    let edges = take(&mut filter, TICK_US);
+    assert_eq!((edges.glitches, edges.is_noisy), (40, false));
+    assert_eq!(take(&mut filter, 2 * TICK_US).glitches, 0);
 }

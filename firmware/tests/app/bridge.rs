@@ -54,6 +54,22 @@ fn a_reversal_never_has_both_inputs_of_a_motor_high() {
 }
 
 #[test]
+fn a_reversal_sets_the_direction_before_the_duty() {
+    let mut bench = running();
+    bench.ticks_alive(50);
+    bench.ask(Command::SetSpeeds([CentiRpm(-2000), CentiRpm(1000)]));
+    let (pins, duty) = *port(&bench).last().unwrap();
+    bench.tick();
+    let calls = port(&bench);
+    for motor in [0, 1] {
+        let direction = |pins: &[bool; 5]| [pins[2 * motor], pins[2 * motor + 1]];
+        let turned = calls.iter().position(|call| direction(&call.0) == [!direction(&pins)[0], !direction(&pins)[1]]);
+        let changed = calls.iter().position(|call| call.1[motor] != duty[motor]);
+        assert!(turned.is_some() && turned < changed, "motor {motor}: {calls:?}");
+    }
+}
+
+#[test]
 fn nothing_is_driven_before_its_order_or_after_its_end() {
     let mut bench = streaming();
     assert!(port(&bench).iter().all(|(pins, duty)| [0, 1].iter().all(|motor| !is_driven(*pins, *duty, *motor))));

@@ -114,9 +114,9 @@ fn each_motor_and_encoder_has_its_own_direction() {
 fn each_motor_is_judged_by_its_own_settings() {
     // Motor 2 stands still at duties from 20 to 200, which would turn motor 1.
     let mut bench = with(unequal());
-    bench.ask(Command::SetSpeeds([CentiRpm(2200), CentiRpm(1200)]));
+    bench.ask(Command::SetSpeeds([CentiRpm(2200), CentiRpm(800)]));
     bench.speed = [1, 0];
-    bench.ticks_alive(205);
+    bench.ticks_alive(260);
     let frame = bench.look();
     assert!((150..250).contains(&frame.duty[1].0), "{:?}", frame.duty);
     assert_eq!(frame.fault, Fault::None);

@@ -53,6 +53,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "end": records.summary.as_ref().map(|summary| summary.end),
         "run_start_s": data.times.run_s().map(|[start, _]| start),
         "run_end_s": data.times.run_s().map(|[_, end]| end),
+        "angle_deg": records.board.as_ref().and_then(|board| board.angle_deg),
         "angles": angles,
         "budget": budget_of(angles.as_ref()),
         "findings": findings,

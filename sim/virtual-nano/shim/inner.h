@@ -9,6 +9,7 @@
 #include <simavr/avr_eeprom.h>
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
+#include <simavr/avr_timer.h>
 #include <simavr/avr_twi.h>
 #include <simavr/avr_uart.h>
 #include <simavr/avr_watchdog.h>
@@ -18,7 +19,7 @@
 // Addresses in data space (ATmega328P data sheet, register summary).
 enum {
 	REG_DDRB = 0x24, REG_PORTB = 0x25, REG_DDRC = 0x27, REG_PORTC = 0x28, REG_DDRD = 0x2A, REG_PORTD = 0x2B,
-	REG_EIFR = 0x3C, REG_GPIOR0 = 0x3E, REG_EECR = 0x3F, REG_EEDR = 0x40, REG_EEARL = 0x41, REG_EEARH = 0x42,
+	REG_EIFR = 0x3C, REG_EIMSK = 0x3D, REG_GPIOR0 = 0x3E, REG_EECR = 0x3F, REG_EEDR = 0x40, REG_EEARL = 0x41, REG_EEARH = 0x42,
 	REG_TCCR0A = 0x44, REG_TCCR0B = 0x45, REG_OCR0A = 0x47, REG_SMCR = 0x53, REG_MCUSR = 0x54, REG_WDTCSR = 0x60,
 	REG_ADCSRA = 0x7A, REG_ADMUX = 0x7C, REG_TCCR2A = 0xB0, REG_TCCR2B = 0xB1, REG_OCR2A = 0xB3,
 	REG_TWBR = 0xB8, REG_TWSR = 0xB9, REG_TWDR = 0xBB, REG_TWCR = 0xBC,
@@ -95,6 +96,7 @@ struct nano {
 	struct watchdog watchdog;
 	struct eeprom eeprom;
 	struct supply supply;
+	avr_timer_t *timers[3];
 	struct busy busy;
 	struct chained chains[16];
 	int chain_count;

@@ -61,6 +61,17 @@ static void eifr_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 	}
 }
 
+// An edge that came while its interrupt was off interrupts when it is on again (section 13.2.2). To simavr it is over.
+static void eimsk_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	avr->data[address] = value;
+	for (int i = 0; i < avr->interrupts.vector_count; i++) {
+		avr_int_vector_t *vector = avr->interrupts.vector[i];
+		if (vector->raised.reg == REG_EIFR && avr_regbit_get(avr, vector->enable) && avr_regbit_get(avr, vector->raised))
+			avr_raise_interrupt(avr, vector);
+	}
+}
+
 // A function that makes room on the stack writes SPH, then SPL. What it does not use of that room keeps its paint.
 // Calls, pushes and pops come here too, before their SPH is written: where they cross a page the pair is not the stack
 // pointer. What they reach loses its paint, so only an OUT counts.
@@ -154,6 +165,8 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 			nano->eeprom.module = (avr_eeprom_t *)io;
 		if (!strcmp(io->kind, "adc"))
 			nano->supply.adc = (avr_adc_t *)io;
+		if (!strcmp(io->kind, "timer"))
+			nano->timers[((avr_timer_t *)io)->name - '0'] = (avr_timer_t *)io;
 	}
 	twi_attach(nano);
 	uart_attach(nano);
@@ -171,6 +184,7 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
 	avr_register_io_write(avr, R_SPL, spl_write, nano);
 	avr_register_io_write(avr, REG_EIFR, eifr_write, nano);
+	avr_register_io_write(avr, REG_EIMSK, eimsk_write, nano);
 	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset, .ioctl = on_ioctl };
 	avr_register_io(avr, &nano->module);
 	return nano;
@@ -307,6 +321,12 @@ void nano_set_supply(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv)
 {
 	if (supply_set(nano, vcc_mv, bandgap_mv))
 		nano_reset(nano, nano->start, NANO_RESET_BROWN_OUT);
+}
+
+uint64_t nano_timer_phase(const nano_t *nano, int timer)
+{
+	const avr_timer_t *module = nano->timers[timer];
+	return module->tov_cycles ? (nano->avr->cycle - module->tov_base) % module->tov_cycles : 0;
 }
 
 uint64_t nano_cycle(const nano_t *nano) { return now(nano); }

@@ -24,7 +24,7 @@ enum {
 };
 
 // The devices outside of the chip. Every call has the cycle at which it happens. None of them may call back into this
-// interface except `nano_set_pins`.
+// interface except `nano_set_pins` and `nano_timer_phase`.
 struct nano_devices {
 	void *context;
 	// Bus: a START with an address byte, a byte written, a byte read (returned in the low 8 bits), a STOP.
@@ -70,6 +70,8 @@ enum nano_state nano_run_until(nano_t *nano, uint64_t cycle);
 uint64_t nano_cycle(const nano_t *nano);
 // Levels of pins that something outside drives, from now on.
 void nano_set_pins(nano_t *nano, char port, uint8_t mask, uint8_t levels);
+// Cycles since the counter of timer 0 or 2 was last zero.
+uint64_t nano_timer_phase(const nano_t *nano, int timer);
 // Asks `bus_lines` again: a device changed its mind.
 void nano_bus_changed(nano_t *nano);
 // `serial_in` has bytes.

@@ -12,6 +12,7 @@
 
 use crate::bridge::Bridge;
 use crate::clock::ProgramClock;
+use crate::coupling::{Cable, Coupling};
 use crate::encoder::{Disturbance, Encoder};
 use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
@@ -101,6 +102,7 @@ impl Board {
             motors_swapped: false,
             motors_at_s: 0.0,
             encoders: [1, 2].map(|motor| Encoder::new(options.seed ^ motor << 32)),
+            coupling: Coupling::default(),
             pull_ups: 0,
             resonator: Resonator::default(),
             serial: Serial::new(options.seed),
@@ -277,6 +279,11 @@ impl Board {
         self.encoder_mut(motor).disturb(channel, disturbance, now_s);
     }
 
+    /// Lays leads of motors and encoders into one cable, or keeps them apart.
+    pub fn lay_cable(&mut self, cable: Option<Cable>) {
+        self.mcu.devices_mut().coupling.lay(cable);
+    }
+
     /// Sends the program into an endless loop, with interrupts on or off.
     pub fn hang(&mut self, interrupts: bool) {
         self.mcu.hang(interrupts);
@@ -366,6 +373,7 @@ struct Rig {
     /// The time up to which the motors have turned, s.
     motors_at_s: f64,
     encoders: [Encoder; 2],
+    coupling: Coupling,
     /// Pull-ups on port D.
     pull_ups: u8,
     resonator: Resonator,
@@ -376,6 +384,9 @@ struct Rig {
 
 /// Pins of port D for C1 and C2 of both encoders.
 const ENCODER_PINS: [[u8; 2]; 2] = [[3, 5], [2, 4]];
+
+/// The timers whose PWM drives motors 1 and 2.
+const PWM_TIMERS: [u8; 2] = [0, 2];
 
 impl Rig {
     /// Turns the motors until this cycle. Returns its time, s.
@@ -439,6 +450,8 @@ impl Devices for Rig {
         self.turn_motors(cycle);
         self.bridge = bridge;
         self.drive_motors();
+        let periods = bridge.pwm_hz.map(|hz| if hz > 0.0 { (FREQUENCY_HZ as f64 / hz) as u64 } else { 0 });
+        self.coupling.drive(cycle, &bridge, [outputs.ocr0a, outputs.ocr2a], periods);
         if let Some(log) = &mut self.drive_log {
             log.push((cycle, bridge));
         }
@@ -459,15 +472,19 @@ impl Devices for Rig {
     fn wake(&mut self, cycle: u64, pins: &mut Pins) -> u64 {
         let now_s = self.turn_motors(cycle);
         let (mut mask, mut levels, mut next_s) = (0, 0, STEP_S);
-        for ((encoder, motor), bits) in self.encoders.iter_mut().zip(&self.motors).zip(ENCODER_PINS) {
+        let (struck, next_spike) = self.coupling.strike(cycle, PWM_TIMERS.map(|timer| pins.timer_phase(timer)));
+        for (((encoder, motor), bits), struck) in
+            self.encoders.iter_mut().zip(&self.motors).zip(ENCODER_PINS).zip(struck)
+        {
             let pull_ups = bits.map(|bit| self.pull_ups >> bit & 1 == 1);
-            for (bit, level) in bits.into_iter().zip(encoder.levels(motor.counts(), now_s, pull_ups)) {
+            let released = encoder.levels(motor.counts(), now_s, pull_ups);
+            for ((bit, level), struck) in bits.into_iter().zip(released).zip(struck) {
                 mask |= 1 << bit;
-                levels |= u8::from(level) << bit;
+                levels |= u8::from(level != struck) << bit;
             }
             next_s = encoder.next_event_s(motor.counts(), motor.counts_per_second(), now_s, next_s);
         }
         pins.set('D', mask, levels);
-        cycle + (next_s * self.resonator.hz()).ceil() as u64
+        cycle + next_spike.min((next_s * self.resonator.hz()).ceil() as u64)
     }
 }

@@ -9,8 +9,10 @@
 //! # Ok::<(), String>(())
 //! ```
 
+use crate::coupling::Cable;
 use crate::encoder::Disturbance;
 use crate::imu::fault::{At, Fault as ImuFault};
+use crate::mcu::FREQUENCY_HZ;
 use crate::motor::Rotor;
 use std::fmt::Write;
 use std::str::FromStr;
@@ -21,12 +23,14 @@ use std::str::FromStr;
 pub enum Fault {
     EncoderSwapped { motor: usize },
     Disturbed { motor: usize, channel: usize, disturbance: Disturbance },
+    Coupled(Cable),
     UnevenPoles { motor: usize, fraction: f64 },
     Held { motor: usize, rotor: Rotor },
     Stiction { motor: usize, fraction: f64 },
     MotorReversed { motor: usize },
     MotorsSwapped,
     MotorSupplyOff,
+    MotorSupply { volts: f64 },
     Imu(ImuFault),
     Register { address: u8, value: u8 },
     SensorClock { fraction: f64 },
@@ -41,6 +45,8 @@ pub enum Fault {
     Hang { interrupts: bool },
     Busy { ms: f64 },
     Usb { latency_ms: f64, packet: usize },
+    FramesLost { share: f64 },
+    NoFrames { ms: f64 },
 }
 
 /// A name and what it asks for.
@@ -80,6 +86,20 @@ const KINDS: &[Kind] = &[
         values: &[("HZ", 100e3), MOTOR, CHANNEL],
         meaning: "a square wave in place of an encoder's signal",
         make: |v| v.disturbed(1, Disturbance::Tone { hz: v.within(0, 0.1, 1e6)? }),
+    },
+    Kind {
+        name: "pwm-spikes",
+        values: &[("MICROSECONDS", 2.0), ("CABLES", 2.0), ("CHANNEL", 0.0)],
+        meaning: "each edge of a motor's PWM inverts the encoder lines in its cable for MICROSECONDS; CABLES 2: each motor \
+                  has one with its encoder, 1: all share one; CHANNEL 0: both lines of an encoder",
+        make: |v| {
+            let channel = v.within(2, 0.0, 2.0)?;
+            Ok(Fault::Coupled(Cable {
+                width: (v.within(0, 0.1, 500.0)? * 1e-6 * FREQUENCY_HZ as f64) as u64,
+                shared: v.within(1, 1.0, 2.0)? == 1.0,
+                channels: [channel != 2.0, channel != 1.0],
+            }))
+        },
     },
     Kind {
         name: "uneven-poles",
@@ -122,6 +142,12 @@ const KINDS: &[Kind] = &[
         values: &[],
         meaning: "the 6 V supply of the motors is off",
         make: |_| Ok(Fault::MotorSupplyOff),
+    },
+    Kind {
+        name: "motor-supply",
+        values: &[("VOLT", 5.0)],
+        meaning: "the 6 V supply of the motors is VOLT",
+        make: |v| Ok(Fault::MotorSupply { volts: v.within(0, 0.0, 12.0)? }),
     },
     Kind {
         name: "nack",
@@ -250,6 +276,18 @@ const KINDS: &[Kind] = &[
         values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
         meaning: "the USB bridge collects packets of BYTES bytes, for at most MILLISECONDS",
         make: |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
+    },
+    Kind {
+        name: "frames-lost",
+        values: &[("PERCENT", 10.0)],
+        meaning: "PERCENT of the telemetry frames are lost on the line, at random",
+        make: |v| Ok(Fault::FramesLost { share: v.within(0, 0.0, 100.0)? / 100.0 }),
+    },
+    Kind {
+        name: "no-frames",
+        values: &[("MILLISECONDS", 100.0)],
+        meaning: "no telemetry frame arrives for MILLISECONDS, at 200 frames a second",
+        make: |v| Ok(Fault::NoFrames { ms: v.within(0, 5.0, 1e5)? }),
     },
 ];
 

@@ -3,10 +3,13 @@
 use crate::board::Board;
 use crate::encoder::Disturbance;
 use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
-use crate::motor::{MotorParameters, Rotor};
+use crate::motor::{MotorParameters, NOMINAL_V, Rotor};
 
 /// The supply in a brown-out, mV.
 const BROWN_OUT_MV: u32 = 2000;
+
+/// Frames of a whole stream, one in each tick of the board.
+const STREAM_HZ: f64 = 200.0;
 
 impl Board {
     /// Makes a fault begin now.
@@ -14,12 +17,14 @@ impl Board {
         match fault {
             Fault::EncoderSwapped { motor } => self.encoder_mut(motor).swap(true),
             Fault::Disturbed { motor, channel, disturbance } => self.disturb_encoder(motor, channel, disturbance),
+            Fault::Coupled(cable) => self.lay_cable(Some(cable)),
             Fault::UnevenPoles { motor, fraction } => self.encoder_mut(motor).set_uneven(fraction),
             Fault::Held { motor, rotor } => self.motors_mut()[motor].hold(rotor),
             Fault::Stiction { motor, fraction } => self.motors_mut()[motor].parameters_mut().breakaway = fraction,
             Fault::MotorReversed { motor } => self.motors_mut()[motor].reverse(true),
             Fault::MotorsSwapped => self.swap_motors(true),
             Fault::MotorSupplyOff => self.motors_mut().iter_mut().for_each(|motor| motor.set_powered(false)),
+            Fault::MotorSupply { volts } => self.motors_mut().iter_mut().for_each(|motor| motor.set_supply(volts)),
             Fault::Imu(fault) => self.change_imu(|imu| imu.inject(fault)),
             Fault::Register { address, value } => self.change_imu(|imu| imu.set_register_behind(address, value)),
             Fault::SensorClock { fraction } => self.change_imu(|imu| imu.set_oscillator_error(fraction)),
@@ -37,6 +42,8 @@ impl Board {
             Fault::Resonator { fraction } => self.set_resonator_error(fraction),
             Fault::Hang { interrupts } => self.hang(interrupts),
             Fault::Busy { ms } => self.keep_busy_ms(ms),
+            Fault::FramesLost { share } => self.serial_mut().lose_frames(share),
+            Fault::NoFrames { ms } => self.serial_mut().drop_frames((ms * 1e-3 * STREAM_HZ).round() as u64),
             Fault::Usb { latency_ms, packet } => self.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
         }
     }
@@ -52,8 +59,10 @@ impl Board {
             motor.parameters_mut().breakaway = MotorParameters::default().breakaway;
             motor.reverse(false);
             motor.set_powered(true);
+            motor.set_supply(NOMINAL_V);
         }
         self.swap_motors(false);
+        self.lay_cable(None);
         self.change_imu(|imu| {
             imu.clear_faults();
             let error = imu.source().part().errors().sample_clock_error;
@@ -67,5 +76,6 @@ impl Board {
         self.set_bandgap_mv(BANDGAP_MV);
         self.set_resonator_error(self.imu().source().part().errors().board_clock_error);
         self.serial_mut().usb_mut().set_packets(0, 0.0);
+        self.serial_mut().lose_frames(0.0);
     }
 }

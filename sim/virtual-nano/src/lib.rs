@@ -15,6 +15,7 @@ pub mod bootloader;
 pub mod bridge;
 pub mod clock;
 pub mod control;
+pub mod coupling;
 pub mod encoder;
 pub mod fault;
 pub mod image;

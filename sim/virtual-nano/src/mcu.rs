@@ -97,7 +97,7 @@ pub enum ResetCause {
 #[error("this simavr has no ATmega328P; install libsimavr-dev 1.6 or later")]
 pub struct UnknownChip;
 
-/// Levels that devices give to the chip's pins.
+/// The chip's pins, and the timers behind some of them.
 pub struct Pins {
     raw: *mut Raw,
 }
@@ -106,8 +106,15 @@ impl Pins {
     /// Drives the pins of port `port` ('B' to 'D') in `mask`.
     pub fn set(&mut self, port: char, mask: u8, levels: u8) {
         debug_assert!(('B'..='D').contains(&port));
-        // SAFETY: the chip lives for as long as the call that lends this handle; the shim allows this one call.
+        // SAFETY: the chip lives for as long as the call that lends this handle; the shim allows this call.
         unsafe { nano_set_pins(self.raw, port as c_char, mask, levels) }
+    }
+
+    /// Returns the cycles since the counter of timer 0 or 2 was last zero.
+    pub fn timer_phase(&self, timer: u8) -> u64 {
+        debug_assert!(timer == 0 || timer == 2);
+        // SAFETY: as above.
+        unsafe { nano_timer_phase(self.raw, timer.into()) }
     }
 }
 
@@ -330,6 +337,7 @@ unsafe extern "C" {
     fn nano_run_until(nano: *mut Raw, cycle: u64) -> c_int;
     fn nano_cycle(nano: *const Raw) -> u64;
     fn nano_set_pins(nano: *mut Raw, port: c_char, mask: u8, levels: u8);
+    fn nano_timer_phase(nano: *const Raw, timer: c_int) -> u64;
     fn nano_bus_changed(nano: *mut Raw);
     fn nano_serial_wake(nano: *mut Raw);
     fn nano_serial_byte_cycles(nano: *const Raw) -> u32;

@@ -19,6 +19,9 @@ const START_COUNTS: f64 = 0.5;
 const SLIP_S: f64 = 1.0;
 const SLIP_COUNTS: f64 = 2.0;
 
+/// Supply at which a motor has its parameters, V.
+pub const NOMINAL_V: f64 = 6.0;
+
 /// Parameters of a motor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct MotorParameters {
@@ -67,6 +70,8 @@ pub struct Motor {
     /// Time since the last slip, s.
     held_s: f64,
     powered: bool,
+    /// Its supply, as a fraction of the nominal one.
+    supply: f64,
     reversed: bool,
     speed_rpm: f64,
     /// Angle of the flagellum in encoder counts.
@@ -82,6 +87,7 @@ impl Motor {
             rotor: Rotor::Free,
             held_s: 0.0,
             powered: true,
+            supply: 1.0,
             reversed: false,
             speed_rpm: 0.0,
             counts: START_COUNTS,
@@ -105,6 +111,11 @@ impl Motor {
     /// Switches the motors' supply on or off.
     pub fn set_powered(&mut self, powered: bool) {
         self.powered = powered;
+    }
+
+    /// Sets the motors' supply, V.
+    pub fn set_supply(&mut self, volts: f64) {
+        self.supply = volts / NOMINAL_V;
     }
 
     /// Swaps the motor's own two leads, or puts them right.
@@ -174,10 +185,12 @@ impl Motor {
         }
     }
 
-    /// The fraction of the supply voltage that drives it.
+    /// The voltage that drives it, as a fraction of the nominal supply.
     fn voltage(&self) -> Option<f64> {
         match self.drive {
-            Drive::Voltage(fraction) if self.powered => Some(if self.reversed { -fraction } else { fraction }),
+            Drive::Voltage(fraction) if self.powered => {
+                Some(self.supply * if self.reversed { -fraction } else { fraction })
+            }
             _ => None,
         }
     }
@@ -244,6 +257,15 @@ mod tests {
             motor.speed_rpm().round()
         };
         assert_eq!([0.2, 0.3, 0.2, -0.2, -0.3].map(&mut speed_at), [0.0, 33.0, 19.0, 0.0, -33.0]);
+    }
+
+    #[test]
+    fn its_speed_follows_its_supply() {
+        let mut motor = Motor::new(MotorParameters { dead_zone: 0.0, breakaway: 0.0, ..MotorParameters::default() });
+        motor.set_drive(Drive::Voltage(0.6));
+        motor.set_supply(5.0);
+        run(&mut motor, 2.0);
+        assert!((motor.speed_rpm() - 130.0 * 0.6 * 5.0 / 6.0).abs() < 1e-6);
     }
 
     #[test]

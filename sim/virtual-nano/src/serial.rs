@@ -29,6 +29,8 @@ pub struct Serial {
     usb: Usb,
     to_drop: u64,
     to_corrupt: u64,
+    /// Share of the stream's frames that are lost at random.
+    lost: f64,
     /// What happens to the frame under way.
     fate: Fate,
     /// Bytes of the frame under way.
@@ -56,6 +58,7 @@ impl Serial {
             usb: Usb::immediate(),
             to_drop: 0,
             to_corrupt: 0,
+            lost: 0.0,
             fate: Fate::Arrives,
             length: 0,
             garbled: false,
@@ -87,6 +90,11 @@ impl Serial {
     /// Drops the next `frames` whole frames of the stream on their way to the host. Replies arrive.
     pub fn drop_frames(&mut self, frames: u64) {
         self.to_drop += frames;
+    }
+
+    /// Loses this share of the stream's frames, at random.
+    pub fn lose_frames(&mut self, share: f64) {
+        self.lost = share;
     }
 
     /// Damages a byte in each of the next `frames` frames of the stream that are not lost.
@@ -143,7 +151,7 @@ impl Serial {
         let is_answer = first == 1;
         self.fate = if is_answer {
             Fate::Arrives
-        } else if self.to_drop > 0 {
+        } else if self.to_drop > 0 || (self.lost > 0.0 && self.noise.uniform() < self.lost) {
             Fate::Lost
         } else if self.to_corrupt > 0 {
             // The shortest frame has five bytes before its delimiter.
@@ -157,7 +165,7 @@ impl Serial {
         let is_frame = std::mem::take(&mut self.length) > 0;
         match std::mem::replace(&mut self.fate, Fate::Arrives) {
             Fate::Lost => {
-                self.to_drop -= 1;
+                self.to_drop = self.to_drop.saturating_sub(1);
                 self.count.frames_dropped += 1;
                 return;
             }

@@ -10,6 +10,8 @@ const FLASH: u64 = 29_200;
 const RAM: u64 = 1_450;
 /// Of 80,000 cycles.
 const WORST_TICK: u64 = 60_000;
+/// The same where a cable disturbs both encoders with the motors' PWM while the host fills the line.
+const WORST_TICK_WITH_SPIKES: u64 = 70_000;
 
 #[test]
 fn the_image_fits_with_room_to_spare() {
@@ -56,9 +58,14 @@ struct Load {
     share: f64,
     /// Whether both motors turn; they must not while settings are written.
     turning: bool,
-    /// Of both encoders.
-    noisy: bool,
+    /// On the lines of the encoders.
+    noise: &'static [&'static str],
 }
+
+/// Each encoder is off for the rest of a tick after as many edges as the program allows.
+const TONES: &[&str] = &["tone=20000,1,1", "tone=20000,2,1"];
+/// The program waits for the end of each.
+const PWM_SPIKES: [&[&str]; 2] = [&["pwm-spikes=2,1"], &["pwm-spikes=20,1"]];
 
 const SETTINGS: Settings = Settings { board_id: 5, ..Settings::DEFAULT };
 const OTHERS: Settings = Settings { board_id: 6, counts_per_turn: 1204.0, gyro_bias: [3.25, -7.5, 1.125], ..SETTINGS };
@@ -67,21 +74,17 @@ const WRITES: &[Command] =
 
 impl Load {
     const fn new(name: &'static str, requests: &'static [Command], share: f64) -> Self {
-        Self { name, requests, share, turning: true, noisy: false }
+        Self { name, requests, share, turning: true, noise: &[] }
     }
 
     /// Bears it for two seconds. Returns the host, and how many requests were sent and answered.
     fn bear(&self) -> (Host, u64, u64) {
         let mut host = Host::ready(BoardOptions::default());
         if self.turning {
-            host.set_speeds([90.0, -90.0]);
+            host.set_speeds([90.0, -60.0]);
         }
         host.run_linked_ms(500);
-        if self.noisy {
-            // Each is off for the rest of a tick after as many edges as the program allows.
-            host.inject("tone=20000,1,1");
-            host.inject("tone=20000,2,1");
-        }
+        self.noise.iter().for_each(|fault| host.inject(fault));
         host.board.marks_mut().clear();
         let mut requests = self.requests.iter().cycle();
         let (mut sent, mut owed) = (0, 0.0);
@@ -116,22 +119,32 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
         Load::new("settings read", READS, 1.0),
         Load::new("fault log read", &[Command::ReadFault { index: 7 }], 1.0),
         Load { turning: false, ..Load::new("settings written and saved", WRITES, 1.0) },
-        Load { turning: false, noisy: true, ..Load::new("the same with noisy encoders", WRITES, 1.0) },
-        Load { turning: false, noisy: true, ..Load::new("handshakes with noisy encoders", &[Command::Hello], 1.0) },
+        Load { turning: false, noise: TONES, ..Load::new("the same with noisy encoders", WRITES, 1.0) },
+        Load { noise: PWM_SPIKES[0], ..Load::new("settings read with PWM spikes of 2 us", READS, 1.0) },
+        Load { noise: PWM_SPIKES[1], ..Load::new("settings read with PWM spikes of 20 us", READS, 1.0) },
+        Load { noise: PWM_SPIKES[1], ..Load::new("pings with PWM spikes of 20 us", PINGS, 0.01) },
+        Load { turning: false, noise: TONES, ..Load::new("handshakes with noisy encoders", &[Command::Hello], 1.0) },
     ];
     println!("| load | of the line | requests | answered | worst tick, cycles | telemetry lost |");
     println!("| --- | ---: | ---: | ---: | ---: | ---: |");
-    let mut worst = 0;
     for load in loads {
         let (host, sent, answered) = load.bear();
         let tick = host.board.marks().tick();
         let last = host.last();
-        let Load { name, share, noisy, .. } = load;
+        let Load { name, share, noise, .. } = load;
         println!("| {name} | {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
-        assert_eq!((last.fault == Fault::None, last.missed_ticks.0, last.unsent.0), (!noisy, 0, 0), "{name}");
-        // What the processor has no time for is dropped; a host sends far less.
-        assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
-        worst = worst.max(tick.worst);
+        let stops = noise == TONES;
+        assert_eq!((last.fault != Fault::None, last.missed_ticks.0, last.unsent.0), (stops, 0, 0), "{name}");
+        // What the processor has no time for is dropped; a host sends far less. Among spikes it may miss a byte.
+        let missed = sent - answered;
+        let is_spiked = PWM_SPIKES.contains(&noise);
+        assert!(
+            answered > 0 && (missed == 0 || share > 0.1 || is_spiked && 50 * missed < sent),
+            "{answered} of {sent}"
+        );
+        let ram = u64::from(host.board.static_bytes().unwrap() + host.board.deepest_stack().unwrap());
+        assert!(ram <= RAM, "{name}: {ram} bytes of RAM");
+        let limit = if is_spiked { WORST_TICK_WITH_SPIKES } else { WORST_TICK };
+        assert!(tick.worst <= limit, "{name}: {} cycles", tick.worst);
     }
-    assert!(worst <= WORST_TICK, "{worst} cycles");
 }

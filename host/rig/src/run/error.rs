@@ -9,6 +9,10 @@ use protocol::{Fault, ResetCause};
 use study::steer::SteerError;
 use thiserror::Error;
 
+/// What to do about an encoder's cable.
+const CABLE_CURE: &str = "mend the encoder's cable: keep its leads away from the motor's, put 1 kOhm and 4.7 nF at each input, \
+                          and check its ground and supply";
+
 /// Why a trial did not complete.
 #[derive(Debug, Error, Diagnostic)]
 pub enum RecordError {
@@ -40,6 +44,10 @@ pub enum RecordError {
     #[error("the board left the schedule of the trial")]
     #[diagnostic(help("please report this and attach the log"))]
     OffSchedule,
+    /// The encoders' lines are disturbed.
+    #[error("the encoders' lines had {0:.0} edges a second that are not motion")]
+    #[diagnostic(help("{CABLE_CURE}; then continue with --resume"))]
+    Disturbed(f64),
     /// The link failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -118,9 +126,7 @@ pub fn fault_cure(fault: Fault) -> &'static str {
         Fault::Encoder1Failed | Fault::Encoder2Failed => {
             "one of the encoder's channels is disconnected: `biflag doctor --motors` finds which"
         }
-        Fault::Encoder1Noisy | Fault::Encoder2Noisy => {
-            "keep the encoder's leads away from the motor's, and check its ground and supply"
-        }
+        Fault::Encoder1Noisy | Fault::Encoder2Noisy => CABLE_CURE,
     }
 }
 

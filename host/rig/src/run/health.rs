@@ -11,6 +11,13 @@ const LOW_SUPPLY_V: f64 = 4.5;
 /// just after an edge makes two without any noise, and the board's position stays right.
 pub const GLITCHES_ALLOWED: u64 = 10;
 
+/// Edges a second that are not motion, while a motor is driven, above which a trial is not complete. The board keeps speed and
+/// position right among those that it knows, but nobody knows what else such a cable carries.
+const DISTURBED_HZ: f64 = 100.0;
+
+/// Shortest time from which that is judged, s.
+const JUDGED_S: f64 = 1.0;
+
 /// Counts what is wrong in the frames of a trial.
 #[derive(Debug, Default)]
 pub(super) struct Health {
@@ -18,6 +25,8 @@ pub(super) struct Health {
     clipped: u64,
     glitches: u64,
     missed_ticks: u64,
+    /// Time with a motor on.
+    driven_s: f64,
     lowest_supply_v: Option<f64>,
 }
 
@@ -28,11 +37,20 @@ impl Health {
         self.clipped += since(frame.clipped, before.clipped);
         self.glitches += since(frame.glitches, before.glitches);
         self.missed_ticks += since(frame.missed_ticks, before.missed_ticks);
+        if frame.duty.iter().any(|duty| duty.0 != 0) {
+            self.driven_s += f64::from(frame.time.since(before.time)) * 1e-6;
+        }
         // 0 until the board has measured it.
         if frame.supply.0 > 0 {
             let supply_v = frame.supply.volts();
             self.lowest_supply_v = Some(self.lowest_supply_v.map_or(supply_v, |lowest| lowest.min(supply_v)));
         }
+    }
+
+    /// Returns how many edges a second were not motion, if they were too many for a trial.
+    pub(super) fn disturbed_hz(&self) -> Option<f64> {
+        let rate_hz = self.glitches as f64 / self.driven_s.max(JUDGED_S);
+        (rate_hz > DISTURBED_HZ).then_some(rate_hz)
     }
 
     /// Returns a warning for each problem.
@@ -68,7 +86,7 @@ impl Health {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::units::Millivolts;
+    use protocol::units::{Duty, Micros, Millivolts};
 
     #[test]
     fn a_sound_trial_has_no_warnings_and_counts_before_it_do_not_matter() {
@@ -98,5 +116,21 @@ mod tests {
             assert!(warning.contains(said), "{warning}");
         }
         assert_eq!(warnings.len(), 4);
+    }
+
+    #[test]
+    fn a_trial_with_more_than_100_false_edges_for_each_second_of_its_motors_is_disturbed() {
+        for (glitches, disturbed_hz) in [(200, None), (201, Some(100.5))] {
+            let mut health = Health::default();
+            let mut frame = Telemetry::default();
+            // 10 s at rest, 2 s with a motor on; the counter wraps.
+            for second in 0..=12 {
+                frame.time = Micros(second * 1_000_000);
+                frame.duty = [Duty(0), Duty(if second > 10 { -90 } else { 0 })];
+                frame.glitches = Count(if second > 10 { glitches - 100 } else { 65_436 });
+                health.frame(&frame);
+            }
+            assert_eq!(health.disturbed_hz(), disturbed_hz);
+        }
     }
 }

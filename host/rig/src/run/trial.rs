@@ -96,6 +96,9 @@ pub(super) fn record(
         for text in recorder.health.warnings() {
             recorder.trial.event(EventKind::Warning, &text, SystemTime::now())?;
         }
+        if error.is_none() {
+            error = recorder.health.disturbed_hz().map(RecordError::Disturbed);
+        }
         let slowest = recorder.trial.log.slowest_write();
         if slowest > SLOW_DISK {
             let text = format!("the disk was slow: a write took {:.1} s; nothing was lost", slowest.as_secs_f64());

@@ -13,6 +13,7 @@ use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
 use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
+use crate::run::model::note_on_unknown_angles;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, park, preflight};
 use crate::session::{self, Session, Sharing};
@@ -183,7 +184,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(begin) = begin(&todo, origin) {
         progress.line(&begin);
     }
-    for note in note.into_iter().chain(note_of_copy) {
+    // A plan with phases turns the flagella to known angles.
+    let on_angles = if board.angle_deg.is_none() { note_on_unknown_angles(&todo) } else { None };
+    for note in note.into_iter().chain(note_of_copy).chain(on_angles) {
         progress.line(&format!("note: {note}"));
     }
     Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));

@@ -80,6 +80,25 @@ fn the_supply_is_told_and_too_little_stops_the_motors() {
     stops(&mut host, "supply of 4200 mV", 1.1, &[Fault::SupplyLow]);
 }
 
+/// The supply is measured four times a second, and two low readings stop the motors.
+#[test]
+fn a_sag_of_half_a_second_stops_the_motors() {
+    for ms in [50, 100, 200, 300, 510] {
+        let mut host = turning([50.0, 50.0]);
+        host.inject("supply=4200");
+        host.run_linked_ms(ms);
+        host.inject("supply=5000");
+        host.run_linked_ms(300);
+        let lowest = host.telemetry.iter().map(|(_, frame)| frame.supply.0).filter(|mv| *mv > 0).min().unwrap();
+        row(
+            format!("supply of 4200 mV for {ms} ms"),
+            format!("{:?}, at least {lowest} mV told", host.fault()),
+            "SupplyLow after 0.5 s",
+        );
+        assert!(ms < 500 || host.fault() == Fault::SupplyLow, "{ms} ms");
+    }
+}
+
 #[test]
 fn a_brown_out_stops_the_motors_at_once_and_is_told() {
     let mut host = turning([50.0, 50.0]);

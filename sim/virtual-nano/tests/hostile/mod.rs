@@ -7,6 +7,7 @@ mod encoders;
 mod motors;
 mod positions;
 mod power_cut;
+mod pwm_spikes;
 mod sensor;
 
 use crate::common::{Host, MS};

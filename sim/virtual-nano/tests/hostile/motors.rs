@@ -4,10 +4,14 @@ use super::{Host, off_after, row, stops, turning, watch};
 use protocol::units::Duty;
 use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
+use virtual_nano::bridge::Drive;
 use virtual_nano::motor::MotorParameters;
 
 const RUNAWAY: [[Fault; 1]; 2] = [[Fault::Motor1Runaway], [Fault::Motor2Runaway]];
 const STALLED: [[Fault; 1]; 2] = [[Fault::Motor1Stalled], [Fault::Motor2Stalled]];
+
+/// Speed of the motors at full voltage.
+const NO_LOAD_RPM: f64 = 130.0;
 
 /// A board with a fault from its start, that is asked to turn both flagella.
 fn asked_with(fault: &str, rpm: [f64; 2]) -> Host {
@@ -102,15 +106,21 @@ fn a_blocked_motor_that_is_driven_again_and_again_does_not_burn() {
 }
 
 /// The guard estimates the current by the published motor's speed without load, which must not overload a faster one.
+/// `FREE_WHOLE=1 cargo test --release -p virtual-nano --test all free_motors -- --nocapture` runs 10 minutes of each.
 #[test]
 fn free_motors_of_any_kind_have_no_fault() {
-    for (no_load_rpm, rpm, s) in [
+    let mut runs = vec![
         (130.0, [2.0, -90.0], 12),
         (260.0, [-2.0, 40.0], 12),
         (320.0, [90.0, -61.3], 40),
         (500.0, [2.0, -15.0], 12),
         (500.0, [90.0, -5.0], 12),
-    ] {
+    ];
+    if std::env::var_os("FREE_WHOLE").is_some() {
+        let speeds = [[2.0, -90.0], [-5.0, 70.0], [15.0, -40.0]];
+        runs = [130.0, 260.0, 320.0, 500.0].into_iter().flat_map(|motor| speeds.map(|rpm| (motor, rpm, 600))).collect();
+    }
+    let free = |(no_load_rpm, rpm, s): (f64, [f64; 2], u64)| {
         let motors = MotorParameters { no_load_rpm, ..MotorParameters::default() };
         let mut host = Host::ready(BoardOptions { motors, ..BoardOptions::default() });
         host.set_speeds(rpm);
@@ -121,7 +131,13 @@ fn free_motors_of_any_kind_have_no_fault() {
             "no fault",
         );
         assert_eq!(host.fault(), Fault::None, "{no_load_rpm} rpm without load, {rpm:?} rpm");
-    }
+    };
+    std::thread::scope(|scope| {
+        for half in [0, 1] {
+            let runs = &runs;
+            scope.spawn(move || runs.iter().skip(half).step_by(2).for_each(|run| free(*run)));
+        }
+    });
 }
 
 #[test]
@@ -151,11 +167,24 @@ fn a_reversal_is_no_fault() {
     for [from, to] in [[60.0, -60.0], [90.0, -90.0], [-90.0, 20.0], [90.0, 0.0]] {
         let mut host = turning([from, -from]);
         host.set_speeds([to, -to]);
-        host.run_linked_ms(2500);
+        let mut current: f64 = 0.0;
+        for _ in 0..2500 {
+            host.run_linked_ms(1);
+            // Both motors have the same.
+            if let Drive::Voltage(fraction) = host.board.bridge().drive[0] {
+                current = current.max((fraction - host.board.motors()[0].speed_rpm() / NO_LOAD_RPM).abs());
+            }
+        }
         let speeds = host.board.motors().each_ref().map(|motor| motor.speed_rpm());
         row(
             format!("from {from} to {to} rpm at once"),
-            format!("{:?}, {:.1} and {:.1} rpm", host.fault(), speeds[0], speeds[1]),
+            format!(
+                "{:?}, {:.1} and {:.1} rpm, at most {:.0} % of the current of a blocked motor",
+                host.fault(),
+                speeds[0],
+                speeds[1],
+                100.0 * current
+            ),
             "no fault, within 1 rpm",
         );
         assert_eq!(host.fault(), Fault::None, "from {from} to {to} rpm");

@@ -16,7 +16,7 @@ mod trial;
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;
-pub use phases::{PhaseMeans, note_on_phases};
+pub use phases::{PhaseMeans, note_on_phases, note_on_unknown_angles};
 pub use steered::{DELAY_S, MOTOR_S, Steered, SteeredError, steer};
 pub use trial::{Course, write_log};
 

@@ -108,21 +108,72 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
     if trials.windows(2).any(|pair| pair[0].is_at_the_phases_of(&pair[1])) {
         return None;
     }
-    let matters = |trial: &&Trial| Ratio::of(trial.speeds.map(CentiRpm::rpm)).is_some();
-    let first = trials.iter().find(matters)?;
-    let [w1, w2] = first.speeds.map(CentiRpm::rpm);
-    let ratio = Ratio::of([w1, w2])?;
-    let why = match ratio.standing() {
-        Some(number) => format!("flagellum {number} stands"),
-        None => format!("the flagella turn at {ratio}"),
-    };
-    let (all, some) = (trials.len(), trials.iter().filter(matters).count());
+    let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
     let cure = "`phases = 8` in [trial] gives means and spreads";
-    Some(match all {
+    Some(match trials.len() {
         1 => format!("{why}, so these values hold for one starting phase of the flagella; {cure}"),
-        _ => format!(
+        all => format!(
             "the values of {some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, hold for one starting \
              phase of the flagella; {cure}"
         ),
     })
+}
+
+/// Returns a note for the user on trials that are recorded from angles of the flagella that the board does not know, if they
+/// depend on them.
+pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
+    let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
+    let cure = "`biflag align` makes them known, then `phases = 8` in [trial] measures means and spreads";
+    Some(match trials.len() {
+        1 => format!("{why}, so the trial depends on their starting angles, which the board does not know; {cure}"),
+        all => format!(
+            "{some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, depend on the starting angles of the \
+             flagella, which the board does not know; {cure}"
+        ),
+    })
+}
+
+/// The trials whose steady state depends on the starting phase.
+struct Dependent {
+    /// Why the first of them does.
+    why: String,
+    /// Its speeds.
+    speeds_rpm: [f64; 2],
+    /// Their number.
+    trials: usize,
+}
+
+impl Dependent {
+    /// Returns those of some trials; `None` if there is none.
+    fn of(trials: &[Trial]) -> Option<Self> {
+        let ratio = |trial: &Trial| Ratio::of(trial.speeds.map(CentiRpm::rpm));
+        let first = trials.iter().find(|trial| ratio(trial).is_some())?;
+        let of_first = ratio(first)?;
+        let why = match of_first.standing() {
+            Some(number) => format!("flagellum {number} stands"),
+            None => format!("the flagella turn at {of_first}"),
+        };
+        let number = trials.iter().filter(|trial| ratio(trial).is_some()).count();
+        Some(Self { why, speeds_rpm: first.speeds.map(CentiRpm::rpm), trials: number })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Plan;
+
+    #[test]
+    fn trials_from_unknown_angles_are_told_where_they_depend_on_them() {
+        let note = |pairs: &str| {
+            let plan = format!("[session]\nname = \"a\"\n[trial]\nrun = 9\n[speeds]\npairs = {pairs}\n");
+            note_on_unknown_angles(&Plan::parse(&plan, "a").unwrap().trials).unwrap_or_default()
+        };
+        assert!(
+            note("[[90, 90]]").starts_with("the flagella turn at 1:1, so the trial depends on their starting angles")
+        );
+        let two = note("[[50, 10], [0, 45], [90, 90]]");
+        assert!(two.starts_with("2 of 3 trials, such as those at 0 and 45 rpm, where flagellum 1 stands"), "{two}");
+        assert_eq!(note("[[50, 10]]"), "");
+    }
 }

@@ -1,0 +1,103 @@
+//! Leads of motors and encoders in one cable: each edge of the PWM is a spike on the encoder lines.
+//!
+//! `SPIKES_WHOLE=1 cargo test --release -p virtual-nano --test all pwm_spikes -- --nocapture` prints the whole table.
+
+use super::{Host, row};
+use protocol::Fault;
+use virtual_nano::BoardOptions;
+
+/// How a run with spikes went, for the worse of both motors.
+struct Run {
+    /// Errors of the mean speed that is told, of the true mean speed, and of the position, as fractions.
+    told: f64,
+    turned: f64,
+    position: f64,
+    fault: Fault,
+    glitches_hz: f64,
+}
+
+impl Run {
+    /// Speeds within 1 %, positions within 0.5 %.
+    fn is_right(&self) -> bool {
+        self.told < 0.01 && self.turned < 0.01 && self.position < 0.005
+    }
+
+    /// Returns whether the fault names an encoder and its cable.
+    fn names_the_cable(&self) -> bool {
+        matches!(self.fault, Fault::Encoder1Noisy | Fault::Encoder2Noisy)
+    }
+}
+
+fn run(width_us: f64, rpm: f64, (cables, channel): (u8, u8), ms: u64) -> Run {
+    let rpm = [rpm, -0.8 * rpm];
+    let mut host = Host::ready(BoardOptions::default());
+    host.inject(&format!("pwm-spikes={width_us},{cables},{channel}"));
+    host.set_speeds(rpm);
+    host.run_linked_ms(2000);
+    let begin = host.last();
+    let counts = |host: &Host| host.board.motors().each_ref().map(|motor| motor.counts() / 2.0);
+    let (from, first) = (counts(&host), host.telemetry.len());
+    host.run_linked_ms(ms);
+    let (end, to) = (host.last(), counts(&host));
+    let frames = &host.telemetry[first..];
+    // The count wraps.
+    let glitches: u32 =
+        frames.windows(2).map(|pair| u32::from(pair[1].1.glitches.0.wrapping_sub(pair[0].1.glitches.0))).sum();
+    let mut run = Run {
+        told: 0.0,
+        turned: 0.0,
+        position: 0.0,
+        fault: end.fault,
+        glitches_hz: 1e3 * f64::from(glitches) / ms as f64,
+    };
+    for motor in 0..2 {
+        let told = frames.iter().map(|(_, frame)| frame.speed[motor].rpm()).sum::<f64>() / frames.len() as f64;
+        let truth = (to[motor] - from[motor]) / 602.22 * 60e3 / ms as f64;
+        let counted = f64::from(end.encoder[motor].0.wrapping_sub(begin.encoder[motor].0));
+        run.told = run.told.max((told / rpm[motor] - 1.0).abs());
+        run.turned = run.turned.max((truth / rpm[motor] - 1.0).abs());
+        run.position = run.position.max((counted / (to[motor] - from[motor]) - 1.0).abs());
+    }
+    run
+}
+
+#[test]
+fn pwm_spikes_leave_speed_and_position_right_or_are_a_fault() {
+    let whole = std::env::var_os("SPIKES_WHOLE").is_some();
+    let mut cases = vec![(2.0, 90.0, (1, 0)), (10.0, 90.0, (2, 0)), (10.0, 30.0, (1, 2)), (20.0, 50.0, (1, 0))];
+    if whole {
+        cases.clear();
+        for cable in [(1, 0), (2, 0), (1, 1), (1, 2)] {
+            for width_us in [2.0, 5.0, 10.0, 20.0] {
+                cases.extend([10.0, 30.0, 50.0, 70.0, 90.0].map(|rpm| (width_us, rpm, cable)));
+            }
+        }
+    }
+    let mut wrong = Vec::new();
+    for (width_us, rpm, (cables, channel)) in cases {
+        let run = run(width_us, rpm, (cables, channel), if whole { 10_000 } else { 3000 });
+        let what = {
+            let cable = if cables == 1 { "one cable for all" } else { "a cable each" };
+            let lines = ["C1 and C2", "C1", "C2"][usize::from(channel)];
+            format!("PWM spikes of {width_us} us on {lines}, {cable}, {rpm} rpm")
+        };
+        let percent = |x: f64| 100.0 * x;
+        row(
+            &what,
+            format!(
+                "{:?}, off by: speed {:.2} %, told speed {:.2} %, position {:.2} %; {:.0} glitches/s",
+                run.fault,
+                percent(run.turned),
+                percent(run.told),
+                percent(run.position),
+                run.glitches_hz
+            ),
+            if width_us == 2.0 { "1 %, 1 %, 0.5 %" } else { "1 %, 1 %, 0.5 %, or a fault" },
+        );
+        let holds = if run.fault == Fault::None { run.is_right() } else { width_us > 2.0 && run.names_the_cable() };
+        if !holds {
+            wrong.push(what);
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
