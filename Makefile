@@ -98,8 +98,8 @@ published: build
 	$(BIN)/biflag figure forces $(PUBLISHED)/points/001_w1+50_w2+10.mcap --time 100,112 -o $(PUBLISHED)/forces.pdf
 	$(BIN)/biflag figure map $(PUBLISHED)/map -o $(PUBLISHED)/map.pdf
 
-# Most tests wait for a board, a program or a browser half of their time.
-test: export RUST_TEST_THREADS ?= $(shell echo $$((2 * $$(nproc))))
+# Most tests wait for a board, a program or a browser half of their time; those that run in real time bear one more beside them.
+test: export RUST_TEST_THREADS ?= $(shell echo $$((1 + $$(nproc))))
 test: build
 	@sh firmware/setup.sh test
 	$(CARGO) test --release --workspace --locked --no-fail-fast --tests

@@ -38,10 +38,13 @@ pub fn newest_python() -> PathBuf {
     environment(&interpreter, &[&package[..], &["tests/requirements.txt"]].concat())
 }
 
-/// Returns a command that runs a program of an environment, and compiles the modules that it imports once for all runs.
+/// Returns a command that runs a program of an environment, and compiles the modules that it imports once for all runs. It
+/// gives way to tests that run in real time, because it may compute on all cores.
 pub fn command(program: &Path) -> Command {
-    let mut command = Command::new(program);
+    let mut command = Command::new("nice");
     command
+        .args(["-n", "10"])
+        .arg(program)
         .env_remove("PYTHONDONTWRITEBYTECODE")
         .env("PYTHONPYCACHEPREFIX", repository().join("target/tmp/python-cache"));
     command

@@ -49,7 +49,7 @@ fn self_test_finds_each_wrong_wire() {
         ("encoder-open=1,2", "motor 1", false, &["channel C2", "D5"]),
         ("encoder-open=2,1", "motor 2", false, &["gyroscope", "channel C1", "D2"]),
         ("blocked=2", "motor 2", false, &["no edge", "nothing holds it"]),
-        ("tone=200000,2,1", "motor 2", false, &["encoder 2 has more edges", "the encoder's leads"]),
+        ("tone=200000,2,1", "motor 2", false, &["encoder 2 has more edges", "the encoder's cable"]),
         ("motor-reversed=1", "motor 1", true, &["against the duty"]),
     ];
     for (fault, name, ok, words) in cases {

@@ -24,7 +24,7 @@ fn run(what: &str, command: &mut Command) {
 /// Builds the wheel of the package.
 fn wheel(bench: &Bench, interpreter: &Path) -> PathBuf {
     let folder = bench.path().join("wheels");
-    let mut build = Command::new(interpreter);
+    let mut build = command(interpreter);
     run("pip wheel", build.args(["-m", "pip", "wheel", "--no-deps", "-w"]).arg(&folder).arg(project()));
     let wheel = std::fs::read_dir(&folder).unwrap().next().unwrap().unwrap().path();
     let size = wheel.metadata().unwrap().len() as f64 / 1e6;

@@ -53,7 +53,7 @@ pub fn aim(
     ]);
     let target = target.map_err(Failure::from)?;
     let longest = Duration::try_from_secs_f64(seconds).ok().filter(|longest| !longest.is_zero());
-    let longest = longest.ok_or_else(|| Failure::new("seconds", format!("{seconds} is no time above 0 s")))?;
+    let longest = longest.ok_or_else(|| Failure::parameter("seconds", format!("{seconds} is no time above 0 s")))?;
     let Robot { params, file } = robot.get();
     let pool = threads::pool(threads)?;
     let aimed = interruptible(py, |stop| {
