@@ -43,7 +43,7 @@ endef
 build: setup
 	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins)
 
-# Without the libraries for PDF and for viewers, which take a quarter of the build. Only the model is optimised: what the others
+# Without the libraries for PDF, Parquet and viewers, which take a third of the build. Only the model is optimised: what the others
 # compute in the demo takes less time than their optimisation.
 UNOPTIMISED := $(foreach crate,host page rig study,--config profile.release.package.$(crate).opt-level=0)
 build-demo: setup

@@ -1,14 +1,17 @@
-//! Writes tables as Apache Parquet, with the header in the file's metadata under the key `about`, and under `columns` unit
+//! Tables as Apache Parquet, with the header in the file's metadata under the key `about`, and under `columns` unit
 //! and description of each column as JSON where the table has units.
 
-use super::table::{Table, Values};
+use super::table::{Column, Table, Values};
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
+use parquet::record::Field;
 use parquet::schema::types::Type;
+use std::fs::File;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -92,4 +95,62 @@ fn start<W: Write + Send>(table: &Table, target: W) -> Result<SerializedFileWrit
         .set_key_value_metadata(Some(metadata))
         .build();
     SerializedFileWriter::new(target, Arc::new(schema), Arc::new(properties))
+}
+
+/// Returns the table of a file. A missing number is NaN; whole numbers that may be missing are real ones.
+///
+/// # Errors
+/// Why it cannot be read.
+pub(crate) fn read(file: File) -> Result<Table, String> {
+    let text = |error: ParquetError| error.to_string();
+    let reader = SerializedFileReader::new(file).map_err(text)?;
+    let meta = reader.metadata().file_metadata();
+    let noted = |key: &str| meta.key_value_metadata()?.iter().find(|entry| entry.key == key)?.value.clone();
+    let columns: serde_json::Value =
+        noted("columns").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+    let header = noted("about").unwrap_or_default();
+    let mut table = Table { header: header.lines().map(str::to_owned).collect(), columns: Vec::new() };
+    for column in meta.schema_descr().columns() {
+        let name = column.name();
+        let about = |key: &str| columns[name][key].as_str().unwrap_or_default().to_owned();
+        let is_whole = column.self_type().get_basic_info().repetition() == Repetition::REQUIRED;
+        let values = match column.physical_type() {
+            Physical::BYTE_ARRAY => Values::Text(Vec::new()),
+            Physical::INT32 | Physical::INT64 if is_whole => Values::Int(Vec::new()),
+            _ => Values::Exact(Vec::new()),
+        };
+        let (unit, about) = (about("unit").into(), about("about").into());
+        table.columns.push(Column { name: name.to_owned().into(), unit, about, values });
+    }
+    for row in reader.get_row_iter(None).map_err(text)? {
+        let row = row.map_err(text)?;
+        for (column, (_, field)) in table.columns.iter_mut().zip(row.get_column_iter()) {
+            push(&mut column.values, field);
+        }
+    }
+    Ok(table)
+}
+
+/// Adds a value to a column of its type. What is neither text nor number is missing.
+fn push(values: &mut Values, field: &Field) {
+    let number = match field {
+        Field::Double(value) => *value,
+        Field::Float(value) => f64::from(*value),
+        Field::Int(value) => f64::from(*value),
+        Field::Long(value) => *value as f64,
+        Field::Byte(value) => f64::from(*value),
+        Field::UByte(value) => f64::from(*value),
+        Field::Short(value) => f64::from(*value),
+        Field::UShort(value) => f64::from(*value),
+        Field::UInt(value) => f64::from(*value),
+        Field::ULong(value) => *value as f64,
+        _ => f64::NAN,
+    };
+    match (values, field) {
+        (Values::Text(values), Field::Str(text)) => values.push(text.clone()),
+        (Values::Text(values), _) => values.push(String::new()),
+        (Values::Int(values), Field::Long(value)) => values.push(*value),
+        (Values::Int(values), _) => values.push(number as i64),
+        (Values::Real(values) | Values::Exact(values), _) => values.push(number),
+    }
 }

@@ -1,11 +1,8 @@
 //! Reads tables of steady states: those of sweeps, and others with such columns.
 
 use super::SweepError;
+use crate::export::parquet;
 use crate::export::table::{Column, Table, Values};
-use parquet::basic::{Repetition, Type as Physical};
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
-use serde_json::Value;
 use std::fs::File;
 use std::path::Path;
 
@@ -32,7 +29,12 @@ pub fn read_table(path: &Path) -> Result<Table, SweepError> {
 pub fn columns_of(path: &Path) -> Result<Table, String> {
     let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
     match is_parquet {
-        true => of_parquet(File::open(path).map_err(|error| error.to_string())?),
+        true => {
+            let mut table = parquet::read(File::open(path).map_err(|error| error.to_string())?)?;
+            let names: Vec<_> = table.columns.iter().map(|column| column.name.clone()).collect();
+            table.header.retain(|line| names.iter().all(|name| described(line, name).is_none()));
+            Ok(table)
+        }
         false => of_csv(&std::fs::read_to_string(path).map_err(|error| error.to_string())?),
     }
 }
@@ -79,64 +81,10 @@ fn described<'a>(comment: &'a str, name: &str) -> Option<(&'a str, &'a str)> {
     }
 }
 
-fn of_parquet(file: File) -> Result<Table, String> {
-    let text = |error: parquet::errors::ParquetError| error.to_string();
-    let reader = SerializedFileReader::new(file).map_err(text)?;
-    let meta = reader.metadata().file_metadata();
-    let noted = |key: &str| meta.key_value_metadata()?.iter().find(|entry| entry.key == key)?.value.clone();
-    let columns: Value = noted("columns").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
-    let header = noted("about").unwrap_or_default();
-    let mut table = Table { header: header.lines().map(str::to_owned).collect(), columns: Vec::new() };
-    for column in meta.schema_descr().columns() {
-        let name = column.name();
-        let about = |key: &str| columns[name][key].as_str().unwrap_or_default().to_owned();
-        let is_whole = column.self_type().get_basic_info().repetition() == Repetition::REQUIRED;
-        let values = match column.physical_type() {
-            Physical::BYTE_ARRAY => Values::Text(Vec::new()),
-            Physical::INT32 | Physical::INT64 if is_whole => Values::Int(Vec::new()),
-            _ => Values::Exact(Vec::new()),
-        };
-        table.header.retain(|line| described(line, name).is_none());
-        let (unit, about) = (about("unit").into(), about("about").into());
-        table.columns.push(Column { name: name.to_owned().into(), unit, about, values });
-    }
-    for row in reader.get_row_iter(None).map_err(text)? {
-        let row = row.map_err(text)?;
-        for (column, (_, field)) in table.columns.iter_mut().zip(row.get_column_iter()) {
-            push(&mut column.values, field);
-        }
-    }
-    Ok(table)
-}
-
-/// Adds a value to a column of its type. What is neither text nor number is missing.
-fn push(values: &mut Values, field: &Field) {
-    let number = match field {
-        Field::Double(value) => *value,
-        Field::Float(value) => f64::from(*value),
-        Field::Int(value) => f64::from(*value),
-        Field::Long(value) => *value as f64,
-        Field::Byte(value) => f64::from(*value),
-        Field::UByte(value) => f64::from(*value),
-        Field::Short(value) => f64::from(*value),
-        Field::UShort(value) => f64::from(*value),
-        Field::UInt(value) => f64::from(*value),
-        Field::ULong(value) => *value as f64,
-        _ => f64::NAN,
-    };
-    match (values, field) {
-        (Values::Text(values), Field::Str(text)) => values.push(text.clone()),
-        (Values::Text(values), _) => values.push(String::new()),
-        (Values::Int(values), Field::Long(value)) => values.push(*value),
-        (Values::Int(values), _) => values.push(number as i64),
-        (Values::Real(values) | Values::Exact(values), _) => values.push(number),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::{csv, parquet};
+    use crate::export::csv;
 
     #[test]
     fn tables_are_read_as_they_were_written() {
