@@ -47,8 +47,8 @@ struct Figures {
     with_end: f64,
 }
 
-/// Evaluates all windows of the recording, a second apart, with `motion` added after the run. The true yaw is 0.
-fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(f64) -> f64) -> Figures {
+/// Evaluates windows over the whole recording, `step_s` apart, with `motion` added after the run. The true yaw is 0.
+fn over_windows(Recorded { yaw, temperature_c }: &Recorded, step_s: f64, motion: impl Fn(f64) -> f64) -> Figures {
     let yaw = yaw.track(0);
     let span = yaw.span();
     let (mut squares, mut largest, mut covered, mut stated, mut ends, mut windows) = (0.0, 0.0f64, 0, 0.0, 0, 0);
@@ -82,7 +82,7 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
         stated += uncertainty;
         ends += i32::from(drift.still.len() == 2);
         windows += 1;
-        start += 1.0;
+        start += step_s;
     }
     let count = f64::from(windows);
     Figures {
@@ -106,7 +106,7 @@ fn print(name: &str, figures: &Figures) {
 
 #[test]
 fn drift_of_a_sensor_at_rest_is_within_the_stated_uncertainty() {
-    let figures = over_all_windows(&recorded(), |_| 0.0);
+    let figures = over_windows(&recorded(), 1.0, |_| 0.0);
     print("at rest", &figures);
     assert!(figures.rms_deg <= 0.4);
     assert!(figures.coverage >= 0.95);
@@ -125,7 +125,7 @@ fn return_to_rest_does_not_disturb_yaw_and_uncertainty() {
         ("in 6 s", 6.0, 60.0, 0.5),
         ("in 15 s", 15.0, 60.0, 0.9),
     ] {
-        let figures = over_all_windows(&recorded, |t| turns_deg * ((-t / time_constant_s).exp() - 1.0));
+        let figures = over_windows(&recorded, 3.0, |t| turns_deg * ((-t / time_constant_s).exp() - 1.0));
         print(name, &figures);
         assert!(figures.coverage >= 0.95, "{name}");
         assert!(figures.rms_deg <= rms_deg, "{name}");
