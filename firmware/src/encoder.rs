@@ -4,7 +4,8 @@
 //! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
 //! [`SPIKE_US`], which cancel each other, so an edge counts when no other one has followed for as long. Longer pulses count
 //! in both directions. A spike just after a true edge cancels that edge, and its end is a new one to the same level: of the
-//! three edges the closer two are those of the spike, and the third is dated.
+//! three edges the closer two are those of the spike, and the third is dated. A spike on channel 2 alone, at an edge of channel
+//! 1, turns the direction of that edge. The next edge turns it back and is counted as noise, so that the error is noticed.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
@@ -90,6 +91,8 @@ pub struct Filter {
     last: u16,
     before: u16,
     last_step: i8,
+    /// Whether the direction changed at the last one.
+    turned: bool,
 }
 
 impl Filter {
@@ -108,6 +111,7 @@ impl Filter {
             last: 0,
             before: 0,
             last_step: 0,
+            turned: false,
         }
     }
 
@@ -175,6 +179,11 @@ impl Filter {
     fn settle(&mut self) {
         self.before = self.last;
         self.last = self.time;
+        let turned = self.step != self.last_step;
+        if turned && self.turned {
+            self.glitches = self.glitches.wrapping_add(1);
+        }
+        self.turned = turned;
         self.last_step = self.step;
         self.count = self.count.wrapping_add(i16::from(self.step));
         self.number = self.number.wrapping_add(1);

@@ -20,7 +20,7 @@
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
 //! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs three times within 3 s, [`Fault::ImuLostConfig`] |
 //! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
-//! | [`LIFELESS_READINGS`] that no sensor makes | the same |
+//! | readings that no sensor makes | not used, as if there were none; after [`LIFELESS_READINGS`] the same |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
 use core::slice;
@@ -39,9 +39,12 @@ pub const FAULT_AFTER_TICKS: u8 = 40;
 /// Ticks without a new sample until it is set up again: a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;
 
-/// Readings in a row, each equal to that before or with a gyroscope of zero on all axes, until they are a fault: 250 ms. A
+/// Readings in a row, each equal to that before or with a gyroscope of zero on all axes, until they are a fault: 200 ms. A
 /// sensor has noise: the 65,067 readings of `tests/data/mpu6050/still-655s.csv` have not one of either.
-pub const LIFELESS_READINGS: u8 = 50;
+pub const LIFELESS_READINGS: u8 = 40;
+
+/// How many of them that are equal are used: a sensor at rest in its widest range and with its slowest filter makes some.
+const MAX_REPEATS: u8 = 4;
 
 /// What a loss of the configuration adds to [`Imu::losses`], from which each good reading takes 1: 3 s. The third of them
 /// within 3 s of readings is a fault.
@@ -299,22 +302,23 @@ impl<I2C: I2c> Imu<I2C> {
         if !is_new && self.silence >= FROZEN_TICKS {
             return Err(self.reason()?);
         }
-        if is_new {
-            self.look_for_life()?;
-        }
-        Ok(is_new)
+        Ok(is_new && self.is_alive()?)
     }
 
-    /// Checks that new samples are those of a sensor.
-    fn look_for_life(&mut self) -> Result<(), ReadError> {
+    /// Returns whether a new sample is that of a sensor.
+    fn is_alive(&mut self) -> Result<bool, ReadError> {
         let [_, sample @ .., _] = &self.burst;
         let [.., a, b, c, d, e, f] = sample;
         let turns = a | b | c | d | e | f != 0;
-        let sum = sample.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        // Another weight for each byte: changes by one of a quiet sensor do not cancel each other.
+        let sum = sample.iter().fold(0, |sum: u8, byte| sum.wrapping_mul(3).wrapping_add(*byte));
         let is_alive = sum != self.sum && turns;
         self.sum = sum;
         self.lifeless = if is_alive { 0 } else { (self.lifeless + 1).min(LIFELESS_READINGS) };
-        if self.lifeless == LIFELESS_READINGS { Err(ReadError::Frozen) } else { Ok(()) }
+        if self.lifeless == LIFELESS_READINGS {
+            return Err(ReadError::Frozen);
+        }
+        Ok(turns && self.lifeless <= MAX_REPEATS)
     }
 
     /// Returns why there are no new samples.

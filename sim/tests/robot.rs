@@ -56,6 +56,30 @@ fn stays_at_rest() {
     }
 }
 
+/// Without a tether no direction is special: a robot that is turned about the vertical in the middle of its run goes on as it
+/// would have, in another direction.
+#[test]
+fn a_turned_robot_goes_on_in_its_new_direction() {
+    const TURN: f64 = 200.0 * PI / 180.0;
+    let mut robot = Robot::published();
+    robot.joint.tether_full_nm_per_rad = 0.0;
+    let go_on = |turn: f64| {
+        let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+        let mut state = solver.at_rest();
+        run(&mut solver, &mut state, [70.0, -40.0], 1.0, |_, _, _, _| {});
+        let before = state.clone();
+        state.turn(V3::z() * turn);
+        assert_eq!((&state.rods, &state.motors, state.body.rate), (&before.rods, &before.motors, before.body.rate));
+        run(&mut solver, &mut state, [70.0, -40.0], 2.0, |_, _, _, _| {});
+        state.body
+    };
+    let (straight, turned) = (go_on(0.0), go_on(TURN));
+    prove("yaw of a turned robot, rad", (turned.yaw - straight.yaw - TURN).abs(), 1e-9);
+    let back = UnitQuaternion::from_scaled_axis(V3::z() * -TURN) * turned.attitude;
+    prove("attitude of a turned robot, rad", back.angle_to(&straight.attitude), 1e-9);
+    prove("rate of a turned robot, rad/s", (turned.rate - straight.rate).norm(), 1e-9);
+}
+
 #[test]
 fn forces_on_rods_balance_forces_on_clamps() {
     // The load of a clamp, from the elastic forces at its own nodes, against the sum of all loads of the rod: fluid and

@@ -190,7 +190,8 @@ fn disturbed_run_recovers() {
         "| disturbance | mean yaw, ° | mean pitch, ° | reached, s | late steps |\n| --- | --- | --- | --- | --- |"
     );
     let [yaw_deg, pitch_deg, ..] = held(None);
-    for fault in ["motor-supply=5@100", "no-frames=100@100", "frames-lost=10@0.5"] {
+    let faults = ["motor-supply=5@100", "no-frames=100@100", "frames-lost=10@0.5", "push=20,2@100", "push=20,3@100"];
+    for fault in faults {
         let [yaw, pitch, ..] = held(Some(fault));
         assert!((yaw - yaw_deg).abs() < 0.5 && (pitch - pitch_deg).abs() < 0.5, "{fault}: {yaw}, {pitch}");
     }

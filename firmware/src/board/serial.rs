@@ -132,8 +132,9 @@ pub fn frame_end() -> Micros {
 }
 
 // The interrupt of a received byte. The frame whose byte finds too little room is dropped to its end, which leaves the frames
-// before and after it whole. What of it is in the inbox is damaged, which its CRC reveals. The last place is for its
-// delimiter: otherwise that of the next frame would complete an order whose time has passed.
+// before and after it whole. What of it is in the inbox is damaged on purpose, which its CRC reveals: it may be an order that
+// lacks only its delimiter, and what is dropped the frame after it. The last place is for its delimiter: otherwise that of the
+// next frame would complete an order whose time has passed.
 global_asm!(
     ".global __vector_18",
     "__vector_18:",
@@ -182,10 +183,26 @@ global_asm!(
     "tst r24",
     "brne 1b",
     "rjmp 4b",
-    // Too little room.
+    // Too little room, for the first time in this frame if r31 is not yet 0xFF: changes its last byte in the inbox, if it has
+    // one, into another that is no delimiter.
     "3:",
+    "cpi r31, 0xFF",
+    "breq 4b",
     "ldi r31, 0xFF",
     "sts {reserve}, r31",
+    "dec r30",
+    "andi r30, {mask}",
+    "ldi r31, 0",
+    "subi r30, lo8(-({received}))",
+    "sbci r31, hi8(-({received}))",
+    "ld r24, Z",
+    "tst r24",
+    "breq 4b",
+    "inc r24",
+    "brne 5f",
+    "inc r24",
+    "5:",
+    "st Z, r24",
     "rjmp 4b",
     sreg = const SREG,
     udr0 = const UDR0,

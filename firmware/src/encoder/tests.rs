@@ -293,6 +293,25 @@ fn a_tick_within_a_spike_does_not_take_it() {
 }
 
 #[test]
+fn an_edge_whose_channel_2_is_disturbed_is_noticed() {
+    let mut filter = Filter::new();
+    let mut found = Edges::default();
+    let mut glitches = 0;
+    for edge in 1..=200u32 {
+        let channel_2 = (edge % 2 == 0) != (edge % 10 == 0);
+        filter.feed(edge % 2 == 1, clock(2500 * edge), || channel_2);
+        found = take(&mut filter, 2500 * edge + 100);
+        glitches += found.glitches;
+    }
+    assert_eq!((found.last.count, glitches), (200 - 2 * 20, 19), "the last one is not turned back yet");
+    // A shaft that turns round does so once.
+    for edge in 201..=300u32 {
+        filter.feed(edge % 2 == 1, clock(2500 * edge), || edge % 2 == 1);
+        assert_eq!(take(&mut filter, 2500 * edge + 100).glitches, 0, "edge {edge}");
+    }
+}
+
+#[test]
 fn edges_closer_than_60_us_are_a_spike() {
     for (apart, motion) in [(59, (0, 2)), (60, (2, 0))] {
         let mut filter = Filter::new();

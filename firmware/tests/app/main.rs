@@ -337,9 +337,9 @@ fn a_reading_at_the_end_of_its_range_is_counted() {
     let before = bench.look().clipped.0;
     bench.world.set_sample([0, 0, 16384], [i16::MIN, 0, 0]);
     bench.ticks(7);
-    bench.world.set_sample([0, i16::MAX, 16384], [0, 0, 0]);
+    bench.world.set_sample([0, i16::MAX, 16384], [5, 0, 0]);
     bench.ticks(3);
-    bench.world.set_sample([0, i16::MAX - 1, 16384], [0, 0, 0]);
+    bench.world.set_sample([0, i16::MAX - 1, 16384], [5, 0, 0]);
     assert_eq!(bench.look().clipped.0 - before, 10);
 }
 

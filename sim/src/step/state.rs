@@ -5,6 +5,7 @@
 //! function of the parameters.
 
 use crate::V3;
+use crate::body::attitude::{euler_zyx, unwrap};
 use crate::body::{Body, shaft::MotorState};
 use crate::contact::pairs::Pair;
 use crate::rod::{CLAMPED, Rod, frames::ReferenceFrames};
@@ -102,5 +103,18 @@ impl State {
     /// points.
     pub fn restart(&mut self) {
         self.past.clear();
+    }
+
+    /// Turns the whole robot about the joint like a rigid body. `rotation`: rotation vector in world axes, rad.
+    ///
+    /// Motors, strains and velocities in body axes stay as they are. The earlier steps turn too, so the time formulas go
+    /// on without a corner. Only what depends on the vertical changes: weight, righting moment and the twist of the tether.
+    pub fn turn(&mut self, rotation: V3) {
+        let turn = UnitQuaternion::from_scaled_axis(rotation);
+        for past in &mut self.past {
+            past.attitude = turn * past.attitude;
+        }
+        self.body.attitude = turn * self.body.attitude;
+        self.body.yaw = unwrap(euler_zyx(&self.body.attitude)[0], self.body.yaw + rotation.z);
     }
 }

@@ -275,6 +275,13 @@ impl Trial {
         self.profile.extend(time, speeds)
     }
 
+    /// Turns the robot about its joint where it is, as [`State::turn`] does, also in the values of [`Trial::at`]. The steady
+    /// state is computed from the values before and after. `rotation`: rotation vector in world axes, rad.
+    pub fn turn(&mut self, rotation: V3) {
+        self.progress.state.turn(rotation);
+        self.progress.dense.turn(rotation);
+    }
+
     /// Returns angles and speeds of the motors at a time (s).
     pub fn motors(&self, time: f64) -> [MotorState; 2] {
         self.without_phase(self.profile.motors(time))

@@ -129,6 +129,15 @@ impl DenseOutput {
         self.records.front()
     }
 
+    /// Turns the robot in all steps by a rotation vector in world axes, rad.
+    pub fn turn(&mut self, rotation: V3) {
+        let turn = UnitQuaternion::from_scaled_axis(rotation);
+        for record in &mut self.records {
+            record.attitude = turn * record.attitude;
+            record.yaw = unwrap(euler_zyx(&record.attitude)[0], record.yaw + rotation.z);
+        }
+    }
+
     /// Removes earlier steps: the motion has a corner here.
     pub fn restart(&mut self) {
         self.records.truncate(1);

@@ -14,6 +14,7 @@ use crate::encoder::Disturbance;
 use crate::imu::fault::{At, Fault as ImuFault};
 use crate::mcu::FREQUENCY_HZ;
 use crate::motor::Rotor;
+use crate::push::Axis;
 use std::fmt::Write;
 use std::str::FromStr;
 
@@ -47,6 +48,7 @@ pub enum Fault {
     Usb { latency_ms: f64, packet: usize },
     FramesLost { share: f64 },
     NoFrames { ms: f64 },
+    Push { axis: Axis, degrees: f64 },
 }
 
 /// A name and what it asks for.
@@ -288,6 +290,16 @@ const KINDS: &[Kind] = &[
         values: &[("MILLISECONDS", 100.0)],
         meaning: "no telemetry frame arrives for MILLISECONDS, at 200 frames a second",
         make: |v| Ok(Fault::NoFrames { ms: v.within(0, 5.0, 1e5)? }),
+    },
+    Kind {
+        name: "push",
+        values: &[("DEGREES", 20.0), ("AXIS", 3.0)],
+        meaning: "something turns the simulated robot by DEGREES within half a second; AXIS 1, 2: about the horizontal direction \
+                  of its x or y axis, 3: about the vertical",
+        make: |v| {
+            let axes = [Axis::X, Axis::Y, Axis::Vertical];
+            Ok(Fault::Push { degrees: v.within(0, -180.0, 180.0)?, axis: axes[v.within(1, 1.0, 3.0)? as usize - 1] })
+        },
     },
 ];
 

@@ -44,8 +44,20 @@ impl Board {
             Fault::Busy { ms } => self.keep_busy_ms(ms),
             Fault::FramesLost { share } => self.serial_mut().lose_frames(share),
             Fault::NoFrames { ms } => self.serial_mut().drop_frames((ms * 1e-3 * STREAM_HZ).round() as u64),
+            Fault::Push { axis, degrees } => {
+                if let Some(plant) = self.plant_mut() {
+                    plant.push(axis, degrees.to_radians());
+                }
+            }
             Fault::Usb { latency_ms, packet } => self.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
         }
+    }
+
+    /// Returns why a fault cannot happen to this board.
+    pub fn refuses(&self, fault: &Fault) -> Option<&'static str> {
+        let needs_robot = matches!(fault, Fault::Push { .. });
+        (needs_robot && self.plant().is_none())
+            .then_some("there is no robot to push; start with --robot FILE.toml or --robot published")
     }
 
     /// Ends every fault that can end. What it did to registers and to the program stays.

@@ -28,6 +28,7 @@ pub mod motor;
 pub mod pace;
 pub mod plant;
 pub mod port;
+pub mod push;
 pub mod resonator;
 pub mod run;
 pub mod serial;

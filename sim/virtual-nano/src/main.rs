@@ -135,6 +135,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         load_eeprom(&mut board, path)?;
     }
     for Timed { fault, at_s } in &arguments.faults {
+        if let Some(problem) = board.refuses(fault) {
+            return Err(problem.into());
+        }
         match at_s {
             Some(at_s) => board.inject_at(*at_s, *fault),
             None => board.inject(*fault),

@@ -8,7 +8,8 @@
 //! 2 degrees while they start and stop and within 0.001 at a steady speed.
 
 use crate::motor::Motor;
-use nalgebra::Vector3;
+use crate::push::{Axis, Push};
+use nalgebra::{UnitQuaternion, Vector3};
 use sim::body::closure::Closure;
 use sim::body::imu::specific_force;
 use sim::body::shaft::MotorState;
@@ -93,6 +94,7 @@ pub struct Plant {
     /// Speeds of the board's motors at the beginning of the window before, rad/s.
     speeds_before: [f64; 2],
     temperature: BaseTemperature,
+    pushes: Vec<Push>,
     /// The sensor in body axes, m.
     sensor: Vector3<f64>,
     gravity_m_s2: f64,
@@ -112,6 +114,7 @@ impl Plant {
             windows: 0,
             speeds_before: [0.0; 2],
             temperature: BaseTemperature { room_c, rise_c: 0.0 },
+            pushes: Vec::new(),
             // On the central axis, in the bottom plane of the base.
             sensor: Vector3::new(0.0, 0.0, -robot.base.height_m),
             gravity_m_s2: robot.base.gravity_m_s2,
@@ -142,18 +145,33 @@ impl Plant {
         self.samples.drain(..).collect()
     }
 
+    /// Turns the robot by an angle (rad) about its joint, from the end of the present window on.
+    pub fn push(&mut self, axis: Axis, angle: f64) {
+        let yaw = self.trial.state().body.yaw;
+        self.pushes.push(Push::new(self.end_s(), axis.at(yaw) * angle));
+    }
+
+    /// Returns attitude and angular velocity (body axes, rad/s) at a time (s).
+    fn attitude_and_rate(&self, time_s: f64) -> Option<(UnitQuaternion<f64>, Vector3<f64>)> {
+        let simulated = self.trial.at(REST_S + time_s)?;
+        let pushed = |part: fn(&Push, f64) -> Vector3<f64>| self.pushes.iter().map(|push| part(push, time_s)).sum();
+        let attitude = UnitQuaternion::from_scaled_axis(pushed(Push::from_simulated)) * simulated.attitude;
+        let rate = simulated.rate + attitude.inverse_transform_vector(&pushed(Push::rate));
+        Some((attitude, rate))
+    }
+
     /// Returns how the sensor moves at a time (s).
     pub fn movement(&self, time_s: f64) -> Movement {
-        let at = |time_s: f64| self.trial.at(REST_S + time_s);
         let temperature_c = self.temperature.celsius();
-        let Some((now, before)) = at(time_s).zip(at(time_s - DIFFERENCE_S)) else {
+        let at = |time_s| self.attitude_and_rate(time_s);
+        let Some(((attitude, rate), (_, rate_before))) = at(time_s).zip(at(time_s - DIFFERENCE_S)) else {
             return Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c, ..Movement::default() };
         };
-        let angular_acceleration = (now.rate - before.rate) / DIFFERENCE_S;
-        let gravity = now.attitude.inverse_transform_vector(&-Vector3::z()) * self.gravity_m_s2;
-        let force = specific_force(self.sensor, now.rate, angular_acceleration, gravity);
+        let angular_acceleration = (rate - rate_before) / DIFFERENCE_S;
+        let gravity = attitude.inverse_transform_vector(&-Vector3::z()) * self.gravity_m_s2;
+        let force = specific_force(self.sensor, rate, angular_acceleration, gravity);
         Movement {
-            rate_dps: now.rate.map(f64::to_degrees).into(),
+            rate_dps: rate.map(f64::to_degrees).into(),
             specific_force_g: (force / self.gravity_m_s2).into(),
             temperature_c,
         }
@@ -180,11 +198,15 @@ impl Plant {
 
     /// Advances the simulator to a time (s), with speeds of the flagella that change linearly to these (rad/s).
     fn advance_to(&mut self, time_s: f64, speeds: [f64; 2]) -> Result<(), String> {
+        self.pushes.iter_mut().for_each(|push| self.trial.turn(push.advance_to(time_s)));
         self.trial.extend(REST_S + time_s, speeds).map_err(|error| error.to_string())?;
-        for sample in self.trial.by_ref() {
+        while let Some(sample) = self.trial.next() {
             let by_board = |error: StepError| StepError { time: error.time - REST_S, ..error }.to_string();
             let mut sample = sample.map_err(by_board)?;
             sample.time_s -= REST_S;
+            if let Some((_, rate)) = self.attitude_and_rate(sample.time_s).filter(|_| !self.pushes.is_empty()) {
+                sample.rate_rad_s = rate.into();
+            }
             if !self.windows.is_multiple_of(SHAPES_EVERY) {
                 sample.shapes_m = None;
             }
@@ -298,6 +320,40 @@ mod tests {
         assert_eq!(samples.len(), 151);
         assert_eq!(samples.iter().filter(|sample| sample.shapes_m.is_some()).count(), 30);
         assert!(plant.movement(3.0).temperature_c > 20.0);
+    }
+
+    /// A push turns the robot by its angle, and the sensor measures what happens: the integral of its rate is the turn, and its
+    /// force shows the vertical.
+    #[test]
+    fn a_push_turns_the_robot_and_the_sensor_feels_it() {
+        for (axis, angle_deg) in [(Axis::X, 20.0_f64), (Axis::Y, -20.0), (Axis::Vertical, 170.0)] {
+            let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
+            let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
+            motors[0].set_drive(Drive::Voltage(0.5));
+            motors[1].set_drive(Drive::Voltage(-0.2));
+            run(&mut plant, &mut motors, 0.0, 2.0, |_, _, _| {});
+            let begun = plant.attitude_and_rate(2.0).unwrap().0;
+            let yaw = plant.trial.at(REST_S + 2.0).unwrap().euler[0];
+            plant.push(axis, angle_deg.to_radians());
+            let (mut integrated, mut off_g) = (begun, 0.0_f64);
+            run(&mut plant, &mut motors, 2.0, 0.6, |plant, _, time_s| {
+                let movement = plant.movement(time_s);
+                let rate = Vector3::from(movement.rate_dps).map(f64::to_radians);
+                integrated *= UnitQuaternion::from_scaled_axis(rate * STEP_S);
+                let up = plant.attitude_and_rate(time_s).unwrap().0.inverse_transform_vector(&Vector3::z());
+                off_g = off_g.max((Vector3::from(movement.specific_force_g) - up).norm());
+            });
+            let end = plant.attitude_and_rate(2.6).unwrap().0;
+            let turned = (end * begun.inverse()).scaled_axis().dot(&axis.at(yaw)).to_degrees();
+            let missed = integrated.angle_to(&end).to_degrees();
+            println!("{axis:?}: {turned:.2} deg after 0.6 s, {missed:.3} deg off by the rate, {off_g:.4} g off");
+            // Tether and weight begin to bring it back, and the flagella swing it by some degrees.
+            assert!((turned / angle_deg - 1.0).abs() < 0.16, "{axis:?}: {turned}");
+            assert!(missed < 0.3 && off_g < 0.2, "{axis:?}: {missed} deg, {off_g} g");
+            let samples = plant.take_samples();
+            let fastest = samples.iter().map(|sample| Vector3::from(sample.rate_rad_s).norm()).fold(0.0, f64::max);
+            assert!(fastest > 3.0 * angle_deg.abs().to_radians(), "{axis:?}: {fastest} rad/s in the samples");
+        }
     }
 
     #[test]

@@ -104,6 +104,9 @@ impl Runner {
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),
             Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),
+            Command::Fault(Timed { fault, .. }) if let Some(problem) = board.refuses(&fault) => {
+                return (control::error(line, problem), true);
+            }
             Command::Fault(Timed { fault, at_s: None }) => board.inject(fault),
             Command::Fault(Timed { fault, at_s: Some(at_s) }) => board.inject_at(at_s, fault),
             Command::ClearFaults => board.clear_faults(),

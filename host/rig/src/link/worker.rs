@@ -33,7 +33,7 @@ pub enum Event {
     Damaged(FrameError),
     /// A request was answered or abandoned.
     Exchange(Exchange),
-    /// The board should be streaming, but no frame has come for a second. This is told once, until the next frame.
+    /// The board should be streaming, but no frame has come for a second. This is told every second, until the next frame.
     Silent {
         /// Bytes that came in this time: noise, or answers to requests.
         bytes: usize,
@@ -102,8 +102,8 @@ pub(super) struct Worker {
     heard: Instant,
     /// Bytes received since then.
     unheard: usize,
-    /// Whether its silence has been told.
-    silent: bool,
+    /// When its silence was told last; before that, the same as `heard`.
+    silence_told: Instant,
     next_ping: Instant,
     /// The board's clock in the last frame of its stream, and in the last one before something was sent.
     board_time: Option<Micros>,
@@ -143,7 +143,7 @@ impl Worker {
             streaming: false,
             heard: begun,
             unheard: 0,
-            silent: false,
+            silence_told: begun,
             next_ping: begun,
             board_time: None,
             board_time_at_send: None,
@@ -198,7 +198,8 @@ impl Worker {
     }
 
     fn hear(&mut self) {
-        (self.heard, self.unheard, self.silent) = (Instant::now(), 0, false);
+        self.heard = Instant::now();
+        (self.silence_told, self.unheard) = (self.heard, 0);
     }
 
     fn read(&mut self) -> Result<(), Disconnected> {
@@ -211,8 +212,8 @@ impl Worker {
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(_) => return Err(Disconnected),
         }
-        if self.streaming && !self.silent && asked.saturating_duration_since(self.heard) > SILENCE {
-            self.silent = true;
+        if self.streaming && asked.saturating_duration_since(self.silence_told) > SILENCE {
+            self.silence_told = asked;
             self.emit(Event::Silent { bytes: self.unheard });
         }
         Ok(())

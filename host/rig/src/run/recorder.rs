@@ -462,7 +462,10 @@ impl<'a> Recorder<'a> {
     fn take(&mut self, received: Received) -> Result<Option<(Telemetry, SystemTime)>, RecordError> {
         let Received { wall: host, at, event } = received;
         match event {
-            Event::Telemetry(telemetry) => return Ok(Some((telemetry, host))),
+            Event::Telemetry(telemetry) => {
+                self.truth.iter_mut().for_each(TruthRecorder::hear);
+                return Ok(Some((telemetry, host)));
+            }
             Event::Raw(bytes) => self.trial.log.raw(&bytes, host)?,
             Event::Damaged(error) => {
                 self.monitor.damaged(error);
@@ -480,7 +483,12 @@ impl<'a> Recorder<'a> {
                     self.trial.command(&CommandRecord { seq, command, attempts, reply, sent, ended: host })?;
                 }
             }
-            Event::Silent { bytes } => return Err(RecordError::Silent { cause: None, bytes }),
+            Event::Silent { bytes } => {
+                let is_silent = self.truth.as_mut().map_or(Ok(true), TruthRecorder::is_silent);
+                if is_silent? {
+                    return Err(RecordError::Silent { cause: None, bytes });
+                }
+            }
             Event::Closed => return Err(self.link.closed().into()),
         }
         Ok(None)

@@ -19,6 +19,9 @@ const RATE_HZ: f64 = 50.0;
 /// Interval at which samples are fetched. A killed recording loses this much more of the ground truth.
 const INTERVAL: Duration = Duration::from_millis(50);
 
+/// Time without a frame, by the board's own clock, after which an emulated board is silent, s: a hundred frames.
+const SILENT_S: f64 = 0.5;
+
 /// An emulated board with a simulated robot behind it.
 #[derive(Debug)]
 pub struct SimulatedRobot {
@@ -62,11 +65,29 @@ pub(super) struct TruthRecorder<'a> {
     asked: Instant,
     /// Samples after the last recorded frame.
     ahead: VecDeque<TruthSample>,
+    /// The board's time at the first silence since the last frame, s.
+    silent_since_s: Option<f64>,
 }
 
 impl<'a> TruthRecorder<'a> {
     pub(super) fn new(robot: &'a SimulatedRobot) -> Self {
-        Self { robot, asked: Instant::now(), ahead: VecDeque::new() }
+        Self { robot, asked: Instant::now(), ahead: VecDeque::new(), silent_since_s: None }
+    }
+
+    /// Notes that a frame has come.
+    pub(super) fn hear(&mut self) {
+        self.silent_since_s = None;
+    }
+
+    /// Returns whether the board itself is silent, when no frame has come for a second: a busy computer may have kept the board
+    /// from running meanwhile.
+    pub(super) fn is_silent(&mut self) -> Result<bool, VirtualError> {
+        let status = self.robot.nano.borrow_mut().control("status")?;
+        let (Some("running"), Some(now_s)) = (status["state"].as_str(), status["seconds"].as_f64()) else {
+            return Ok(true);
+        };
+        let since_s = *self.silent_since_s.get_or_insert(now_s);
+        Ok(now_s - since_s >= SILENT_S)
     }
 
     /// Returns whether the robot's shape is sampled in the tick that begins at `tick_us` of the board's clock.

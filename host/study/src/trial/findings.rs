@@ -4,6 +4,7 @@ use super::axes;
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::import_findings;
+use super::sensor_gap;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
 use biflag_log::schema::biflag::event::Kind;
@@ -111,6 +112,18 @@ fn sensor(data: &Data) -> Vec<Finding> {
         );
         let cure = "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial";
         found.push(Finding::grave(FindingKind::Conduct, text, cure));
+    }
+    if let Some(Range { start, end }) = sensor_gap::longest(data) {
+        let length_s = end - start;
+        let text = format!(
+            "the sensor had no reading for {length_s:.2} s, from {start:.2} s on: the board bridged it, and the yaw may be off \
+             from then on"
+        );
+        found.push(Finding::grave(
+            FindingKind::Conduct,
+            text,
+            "check the sensor's wiring and supply, and repeat the trial",
+        ));
     }
     if let Some(gain) = data.settings().map(|settings| settings.attitude_kp).filter(|gain| *gain < LEAST_GAIN) {
         let text =

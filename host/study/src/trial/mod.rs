@@ -25,6 +25,7 @@ mod rest;
 mod righting;
 mod scatter;
 mod sensitivity;
+mod sensor_gap;
 mod shapes;
 mod tilt_zero;
 mod usable;

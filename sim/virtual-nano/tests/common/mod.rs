@@ -136,6 +136,11 @@ impl Host {
         self.replies.len() as u64
     }
 
+    /// Takes the numbers of all requests that were answered.
+    pub fn take_answered(&mut self) -> Vec<u8> {
+        self.replies.drain(..).map(|(to, _)| to).collect()
+    }
+
     /// Takes the reply to a request; returns whether there was one.
     pub fn answered(&mut self, seq: u8) -> bool {
         self.replies.drain(..).any(|(to, _)| to == seq)
