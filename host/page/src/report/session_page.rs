@@ -173,7 +173,8 @@ fn maps(rows: &[Row]) -> Markup {
             let view = row.view().filter(|view| view.is_complete)?;
             let steady = view.steady?;
             let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
-            Some((row.speeds_rpm, angles, (!view.data.is_null()).then(|| anchor(i))))
+            let anchor = (!view.data.is_null()).then(|| anchor(i));
+            Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(), anchor))
         };
         mean_of_repeats(rows.iter().enumerate().filter_map(trial))
     });
@@ -182,6 +183,7 @@ fn maps(rows: &[Row]) -> Markup {
         let point = |mean: &AtSpeeds<Option<String>>| Point {
             speeds_rpm: mean.speeds_rpm,
             value_deg: mean.magnitudes_deg()[angle],
+            is_settled: mean.is_settled,
             anchor: mean.first.clone(),
         };
         means.map(point).collect()

@@ -155,8 +155,7 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     )
 }
 
-/// A list of warnings, if there are any.
-/// Remarks that are no problems.
+/// A list of remarks that are no problems, if there are any.
 pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {
@@ -166,7 +165,7 @@ pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     }
 }
 
-/// Problems.
+/// A list of problems, if there are any.
 pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {

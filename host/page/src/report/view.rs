@@ -118,6 +118,7 @@ impl View {
         if budget.is_enough() {
             (view.data, view.curves) = Curves::fit(data, &zeroed, compared, budget);
             view.data["own"] = view.own_name().into();
+            view.data["other"] = view.other_name().into();
         }
         view
     }

@@ -155,7 +155,7 @@ biflag.Chart = class {
     const text = (column) => biflag.format(table[column]?.[idx], spec.decimals);
     const values = this.lines.map((line) => {
       const range = table[line.name + "_low"] ? ` (${text(line.name + "_low")} to ${text(line.name + "_high")})` : "";
-      return `${line.label ?? this.trial.data.own} ${text(line.name)}${range}`;
+      return `${biflag.label(line, this.trial.data)} ${text(line.name)}${range}`;
     });
     const time = table.time[idx];
     const half = (table.width ?? 0) / 2;

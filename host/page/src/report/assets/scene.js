@@ -54,7 +54,7 @@ biflag.Scene = class {
 
   /** Yaw, pitch and roll in radians, or null where the log has none. */
   attitude(prefix, time) {
-    const angles = ["yaw", "pitch", "roll"].map((name) => this.trial.value("attitude", prefix + name, time));
+    const angles = ["yaw", "pitch", "roll"].map((name) => biflag.valueAt(this.trial, "attitude", prefix + name, time));
     return angles.includes(null) || angles.includes(undefined) ? null : angles.map((angle) => (angle * Math.PI) / 180);
   }
 
@@ -135,7 +135,7 @@ biflag.Scene = class {
   /** The forces of both flagella at a time, mN. */
   forces(time) {
     if (!this.strongest || !this.shown.forces) return [];
-    return [1, 2].map((k) => ["x", "y", "z"].map((axis) => this.trial.value("forces", axis + k, time)));
+    return [1, 2].map((k) => ["x", "y", "z"].map((axis) => biflag.valueAt(this.trial, "forces", axis + k, time)));
   }
 
   /** Metres of an arrow for each mN: the largest force is a third as long as the robot. */
