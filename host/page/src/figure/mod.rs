@@ -49,7 +49,7 @@ use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
 
 /// Says below a map what its rings mean.
-const UNSTEADY: &str = "Ring: not steady, or more than 0.3° apart for other starting phases";
+const UNSTEADY: &str = "Ring: not settled, or more than 0.3° apart for other starting phases";
 
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
@@ -343,7 +343,7 @@ pub fn map(
         let point = |trial: &AtSpeeds<()>| Point {
             at: trial.speeds_rpm,
             value: trial.magnitudes_deg()[k],
-            is_steady: trial.is_settled,
+            is_settled: trial.is_settled,
         };
         trials.iter().map(point).collect()
     };

@@ -79,7 +79,8 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
     }
     let by = by.map_or_else(String::new, swept::Column::label);
     let svg = draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
-    let provenance = Provenance::new(format!("{} over {}", value.label(), over.label()), [Provenance::file("table", &table)]);
+    let provenance =
+        Provenance::new(format!("{} over {}", value.label(), over.label()), [Provenance::file("table", &table)]);
     output::write(&svg, &provenance, out)?;
     let mut warnings = Vec::new();
     if let Some(by) = lines.by.and_then(|name| swept.column(name)) {
@@ -162,7 +163,7 @@ pub(super) fn steady(
         angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
         tilt_deg: tilt.values[i],
         trials: 1,
-        is_settled: swept.states[i] <= 0 && spreads.iter().all(|spread| !(spread.values[i] > MOST_SPREAD_DEG)),
+        is_settled: spreads.iter().all(|spread| !(spread.values[i] > MOST_SPREAD_DEG)),
         first: (),
     };
     Ok(rows.into_iter().map(point).collect())

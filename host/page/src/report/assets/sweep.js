@@ -60,7 +60,7 @@ biflag.SweepMap = class {
   rebuild() {
     this.axes.forEach((input, i) => (this.choices["xy"[i]].value = input.name));
     /** The step of each slider; -1 for all. */
-    this.steps = this.swept.usualSteps(...this.axes);
+    this.steps = this.swept.usual(...this.axes, this.swept.rows).steps;
     this.shows = [...this.steps].map(([input, usual]) => {
       const label = document.createElement("label");
       const output = document.createElement("output");
@@ -117,7 +117,7 @@ biflag.SweepMap = class {
     for (const row of rows) {
       const [a, b] = [x.values[row], y.values[row]];
       if (a === null || b === null) continue;
-      const point = places.get(`${a},${b}`) ?? { a, b, sum: 0, count: 0, state: -1 };
+      const point = places.get(`${a},${b}`) ?? { a, b, step: y.stepOf[row], sum: 0, count: 0, state: -1 };
       point.sum += values[row];
       point.count += 1;
       point.state = Math.max(point.state, this.swept.states[row]);
@@ -146,7 +146,7 @@ biflag.SweepMap = class {
     // On a phone the drawing is as wide as the page, so that its words stay legible.
     const width = Math.min(Math.max(figure.clientWidth - 30, 320), 760);
     const svg = figure.querySelector("svg");
-    const box = { width, height: Math.round(0.55 * width) + 110, left: 62, top: 14, bottom: 48, right: isLines ? 16 : 84 };
+    const box = { width, height: Math.round(0.55 * width) + 110, top: 14, bottom: 48, right: isLines ? 16 : 84 };
     svg.setAttribute("viewBox", `0 0 ${box.width} ${box.height}`);
     svg.innerHTML = isLines ? this.lines(box, x, y, value, points) : this.map(box, x, y, value, points);
     svg.setAttribute("aria-label", title);
@@ -154,13 +154,16 @@ biflag.SweepMap = class {
     Object.assign(svg.dataset, { x: x.name, y: y.name, value: isMean ? `mean_${value.name}` : value.name });
     const { text, escaped } = biflag.SweepMap;
     const missing = this.swept.states.length - value.values.filter((v) => v !== null).length;
-    const kinds = this.swept.kinds.map((kind, k) => [kind, rows.filter((row) => this.swept.states[row] === k).length]).filter(([, count], k) => count && k);
+    const kinds = this.swept.kinds.map((kind, k) => {
+      const count = rows.filter((row) => this.swept.states[row] === k).length;
+      return count && k ? `${count} ${kind}${this.swept.isUnknown(k) && !isLines ? ", with a ring" : ""}` : "";
+    });
     const isDots = !isLines && !this.hasCells;
     const words = [
       value.about && `${value.label}: ${value.about}.`,
       `${rows.length} of ${this.swept.states.length} points${isDots ? ", a dot each" : ""}; ${missing} of the table without a value.`,
       isMean && `Where several points lie at one place, it shows their mean: ${rows.length} points at ${points.length} places.`,
-      kinds.length && `Not steady, with a mark: ${kinds.map(([kind, count]) => `${count} ${kind}`).join(", ")}.`,
+      kinds.some(Boolean) && `Not steady${isLines ? ", with an empty mark" : ""}: ${kinds.filter(Boolean).join(", ")}.`,
       isLines && this.every > 1 && `A curve for one of every ${this.every} values of ${and}.`,
       !isLines && "The colours span the whole table.",
       this.contoured && `Contours every ${text(this.contoured)}, that of zero thicker; straight between neighbours.`,
@@ -176,18 +179,25 @@ biflag.SweepMap = class {
     const place = isGrid
       ? (v) => from + (column.steps.findIndex((step) => step.from === v) + 0.5) * cell
       : (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from);
-    const all = isGrid ? column.steps.map((step) => step.from) : biflag.SweepMap.round(low, high, Math.abs(to - from) / (1.6 * spacing));
+    const all = isGrid ? column.steps.map((step) => step.from) : biflag.SweepMap.round(low, high, Math.abs(to - from) / (3 * spacing));
     const every = isGrid ? Math.ceil((all.length * spacing) / Math.abs(to - from)) : 1;
     // Zero is among the ticks if it is on the axis.
     const zero = Math.max(all.indexOf(0), 0);
     return { place, ticks: all.filter((_, i) => i % every === zero % every), cell: Math.abs(cell) };
   }
 
+  /** Where the drawing begins: beside the words of its vertical axis and the longest tick. */
+  static leftOf(ticks) {
+    return 29 + 6.6 * Math.max(5, ...ticks.map((v) => biflag.SweepMap.text(v).length));
+  }
+
   map(box, x, y, value, points) {
-    const { text, mix, VIRIDIS, DIVERGING, axis } = biflag.SweepMap;
-    const { width, height, left, top, right, bottom } = box;
+    const { text, mix, VIRIDIS, DIVERGING, axis, leftOf } = biflag.SweepMap;
+    const { width, height, top, right, bottom } = box;
     this.hasCells = this.swept.isGrid(x, y, points.length);
-    const [across, up] = [axis(x, this.hasCells, left, width - right, 40), axis(y, this.hasCells, height - bottom, top, 16)];
+    const up = axis(y, this.hasCells, height - bottom, top, 16);
+    const left = (box.left = leftOf(up.ticks));
+    const across = axis(x, this.hasCells, left, width - right, 40);
     // The scale is that of the whole table, so that the sliders do not change it.
     const [least, most] = biflag.SweepMap.range(value.values);
     const isSigned = least < 0 && most > 0;
@@ -203,7 +213,7 @@ biflag.SweepMap = class {
         : `circle class="dot" cx="${cx.toFixed(1)}" cy="${cy.toFixed(1)}" r="${radius.toFixed(1)}"`;
       return `<${shape} data-at="${point.a},${point.b},${point.v}" fill="${colour(point.v)}">${this.words(point)}</${this.hasCells ? "rect" : "circle"}>`;
     });
-    const odd = points.filter(({ state }) => state > 0).map(({ a, b }) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
+    const odd = points.filter(({ state }) => this.swept.isUnknown(state)).map(({ a, b }) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
     this.contoured = 0;
     const contours = this.hasCells ? this.contours(x, y, points, across, up, box) : "";
     const scale = Array.from({ length: 50 }, (_, i) => {
@@ -261,31 +271,41 @@ biflag.SweepMap = class {
 
   /** The result over the first input, a curve for each value of the second. */
   lines(box, x, y, value, points) {
-    const { text, range, round, CURVES, MOST_CURVES } = biflag.SweepMap;
-    const { width, height, left, top, right, bottom } = box;
+    const { text, range, round, leftOf, CURVES, MOST_CURVES } = biflag.SweepMap;
+    const { width, height, top, right, bottom } = box;
     this.contoured = 0;
     const isGrid = !y.isScattered;
-    this.every = Math.ceil(y.steps.length / MOST_CURVES);
-    const steps = y.steps.filter((_, i) => i % this.every === 0);
-    const isOf = ({ b }, { from, to }) => b >= from && b <= to;
-    const groups = steps.map((step) => ({ ...step, points: points.filter((point) => isOf(point, step)).sort((p, q) => p.a - q.a) })).filter((group) => group.points.length);
-    const room = 15 * Math.ceil(groups.length / Math.max(Math.floor((width - left) / 90), 1));
+    this.every = isGrid ? Math.ceil(y.steps.length / MOST_CURVES) : 1;
+    // Dots have no dashes: fifths of scattered points have a colour each.
+    const each = isGrid ? 1 : 2;
+    const firsts = [...y.steps.keys()].filter((i) => i % (this.every * each) === 0);
+    const groups = firsts.map((i) => ({
+      from: y.steps[i].from,
+      to: y.steps[i + each - 1].to,
+      points: points.filter(({ step }) => step >= i && step < i + each).sort((p, q) => p.a - q.a),
+    })).filter((group) => group.points.length);
+    const name = ({ from, to }) => (isGrid ? text(from) : `${text(from)} to ${text(to)}`);
+    const perName = 36 + 6.6 * Math.max(8, ...groups.map((group) => name(group).length));
+    const perRow = Math.max(Math.floor((width - 62) / perName), 1);
+    const room = 15 * Math.ceil(groups.length / perRow);
     const [xs, ys] = [range(points.map(({ a }) => a)), range(groups.flatMap((group) => group.points.map(({ v }) => v)))];
     const scale = ([low, high], from, to, spacing) => ({
       place: (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from),
       ticks: round(low, high, Math.abs(to - from) / spacing),
     });
-    const [across, up] = [scale(xs, left, width - right, 60), scale(ys, height - bottom, top + room, 34)];
+    const up = scale(ys, height - bottom, top + room, 34);
+    const left = (box.left = leftOf(up.ticks));
+    const across = scale(xs, left, width - right, 60);
     const grid = up.ticks.map((v) => `<path class="empty" d="M${left} ${up.place(v).toFixed(1)}H${width - right}"></path>`);
     const curves = groups.map((group, n) => {
       const stroke = `#${CURVES[n % CURVES.length]}`;
       const dash = n < CURVES.length ? "" : ' stroke-dasharray="5 3"';
       const d = group.points.map(({ a, v }, i) => `${i ? "L" : "M"}${across.place(a).toFixed(1)} ${up.place(v).toFixed(1)}`).join("");
       const dots = group.points.map((point) => `<circle data-at="${point.a},${point.b},${point.v}" cx="${across.place(point.a).toFixed(1)}" cy="${up.place(point.v).toFixed(1)}" r="3" fill="${point.state > 0 ? "none" : stroke}" style="stroke:${stroke};stroke-width:1.5">${this.words(point)}</circle>`);
-      const [column, line] = [n % Math.floor((width - left) / 90), Math.floor(n / Math.floor((width - left) / 90))];
-      const [kx, ky] = [left + 90 * column, top + 15 * line];
-      const name = isGrid ? text(group.from) : `${text(group.from)} to ${text(group.to)}`;
-      return `${isGrid ? `<path d="${d}" fill="none" stroke="${stroke}" stroke-width="1.8"${dash}></path>` : ""}${dots.join("")}<path d="M${kx} ${ky}h20" stroke="${stroke}" stroke-width="2.5"${dash}></path><text x="${kx + 25}" y="${ky + 4}">${name}</text>`;
+      const [kx, ky] = [62 + perName * (n % perRow), top + 15 * Math.floor(n / perRow)];
+      const curve = isGrid ? `<path d="${d}" fill="none" stroke="${stroke}" stroke-width="1.8"${dash}></path>` : "";
+      const key = isGrid ? `<path d="M${kx} ${ky}h20" stroke="${stroke}" stroke-width="2.5"${dash}></path>` : `<circle cx="${kx + 15}" cy="${ky}" r="3" fill="${stroke}"></circle>`;
+      return `${curve}${dots.join("")}${key}<text x="${kx + 25}" y="${ky + 4}">${name(group)}</text>`;
     });
     return [...grid, ...curves, this.frame({ ...box, top: top + room }, x.label, value.label, across, up)].join("");
   }

@@ -17,12 +17,16 @@ biflag.Swept = class {
     const column = (packed) => ({ ...packed, values: biflag.numbers(packed.values).map(value) });
     this.inputs = inputs.map(column);
     this.results = results.map(column);
-    /** The index in `kinds` of the motion of each point; -1 if unknown. */
+    /** The index in `kinds` of the motion of each point, -1 where the table has none; of the last kind not even the means are known. */
     [this.states, this.kinds] = [states, kinds];
     this.rows = [...states.keys()];
     const every = Math.ceil(states.length / biflag.Swept.SAMPLE);
     this.sample = this.rows.filter((row) => row % every === 0);
     for (const input of this.inputs) this.step(input);
+  }
+
+  isUnknown(state) {
+    return state === this.kinds.length - 1;
   }
 
   static distinct(values) {
@@ -63,17 +67,19 @@ biflag.Swept = class {
     return !x.isScattered && !y.isScattered && columns > 1 && lines > 1 && 2 * places >= columns * lines;
   }
 
-  /** Returns the inputs to open on: the largest grid, or those with most places; of equal ones those on which the first result
-   * depends most. */
+  /** Returns the inputs to open on: the largest grid, or the points that spread most over both; of equal ones those on which the
+   * first result depends most. */
   bestAxes() {
     const explained = new Map(this.inputs.map((input) => [input, this.explained(input)]));
     const rank = ([x, y]) => {
-      const places = this.places(x, y, this.sample);
-      const isGrid = this.isGrid(x, y, places) && places >= biflag.Swept.LEAST_CELLS;
-      return [Number(isGrid), places, isGrid ? 0 : explained.get(x) + explained.get(y)];
+      const shown = this.usual(x, y, this.sample).rows;
+      const places = this.places(x, y, shown);
+      if (this.isGrid(x, y, places) && places >= biflag.Swept.LEAST_CELLS) return [Infinity, places, 0];
+      const values = [x, y].map((input) => new Set(shown.map((row) => input.values[row])).size);
+      return [Math.min(...values), places, explained.get(x) + explained.get(y)];
     };
     const pairs = this.inputs.flatMap((x, i) => this.inputs.slice(i + 1).map((y) => ({ axes: [x, y], rank: rank([x, y]) })));
-    const better = (a, b) => a[0] - b[0] || a[1] - b[1] || a[2] - b[2];
+    const better = (a, b) => Math.sign(a[0] - b[0]) || a[1] - b[1] || a[2] - b[2];
     return pairs.reduce((best, other) => (better(other.rank, best.rank) > 0 ? other : best)).axes;
   }
 
@@ -99,15 +105,16 @@ biflag.Swept = class {
     return best[best.length >> 1];
   }
 
-  /** Returns the step of each input that is no axis: the commonest one if it leaves half of the places, else all, which is -1. */
-  usualSteps(x, y) {
-    let rows = this.rows;
-    return new Map(this.inputs.filter((input) => input !== x && input !== y).map((input) => {
-      const usual = biflag.Swept.commonest(input, rows);
-      const fixed = rows.filter((row) => input.stepOf[row] === usual);
+  /** Returns the step of each input that is no axis, and the rows with these steps. It is the commonest step if that leaves half of
+   * the places, else all, which is -1. */
+  usual(x, y, rows) {
+    const steps = this.inputs.filter((input) => input !== x && input !== y).map((input) => {
+      const commonest = biflag.Swept.commonest(input, rows);
+      const fixed = rows.filter((row) => input.stepOf[row] === commonest);
       const isFixed = 2 * this.places(x, y, fixed) >= this.places(x, y, rows);
       if (isFixed) rows = fixed;
-      return [input, isFixed ? usual : -1];
-    }));
+      return [input, isFixed ? commonest : -1];
+    });
+    return { steps: new Map(steps), rows };
   }
 };

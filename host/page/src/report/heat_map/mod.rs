@@ -290,10 +290,7 @@ mod tests {
         let (map, caption) = map(&points);
         assert_eq!((map.matches("<circle data-at").count(), map.matches("<a href").count()), (9, 9));
         assert_eq!((map.matches("circle class=\"odd\"").count(), map.matches("°, not settled").count()), (1, 2));
-        assert_eq!(
-            caption,
-            "9 pairs of speeds, one dot each. |ψ| from 0.00° to 8.00°. 1 with a ring: not settled."
-        );
+        assert_eq!(caption, "9 pairs of speeds, one dot each. |ψ| from 0.00° to 8.00°. 1 with a ring: not settled.");
         let place = |name: &str| -> Vec<f64> {
             let marks = map.split("<circle data-at").skip(1);
             marks
