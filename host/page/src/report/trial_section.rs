@@ -348,9 +348,11 @@ pub(super) fn speed_entries() -> [Entry; 4] {
 
 fn force_charts(view: &View) -> Markup {
     let of_model = if view.borrowed_forces { ", model" } else { "" };
-    let contact = || Entry::new("block c-contact", "in contact", "");
+    let ribbon =
+        || [("block c-contact", "in contact"), ("block c-model", "ribbon: touching"), ("block c-bundled", "bundled")];
+    let contact = || ribbon().map(|(look, text)| Entry::new(look, text, ""));
     let range = || Entry::range(view.curves.forces_range_s);
-    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain([contact()]).chain(range()).collect() };
+    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain(contact()).chain(range()).collect() };
     let forces =
         vec![Entry::new("c-flagellum1", "flagellum 1", "force1"), Entry::new("c-flagellum2", "flagellum 2", "force2")];
     let title = format!("Forces on the base{of_model}: thrust z, below x and y (body axes), mN");

@@ -1,4 +1,4 @@
-//! What a log says against its own trial: one list, made from the log alone, for every command to print.
+//! Findings about a trial from its log alone: one list that every command prints.
 
 use super::axes;
 use super::data::Data;

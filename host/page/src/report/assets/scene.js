@@ -4,6 +4,8 @@
 
 /** Drawing the robot may take so much of a sixtieth of a second. */
 const SLOW_MS = 10;
+/** The scale of the forces is that of this force at least, mN. */
+const LEAST_SCALE_MN = 2;
 
 biflag.Scene = class {
   /** Where the robot is seen from; flat views, along an axis, have no perspective. */
@@ -138,9 +140,9 @@ biflag.Scene = class {
     return [1, 2].map((k) => ["x", "y", "z"].map((axis) => biflag.valueAt(this.trial, "forces", axis + k, time)));
   }
 
-  /** Metres of an arrow for each mN: the largest force is a third as long as the robot. */
+  /** Metres of an arrow for each mN: the largest force is a third as long as the robot. Arrows of a robot at rest stay short. */
   metresPerMn() {
-    return (0.33 * this.robots[0].reach) / (this.strongest || 1);
+    return (0.33 * this.robots[0].reach) / Math.max(this.strongest, LEAST_SCALE_MN);
   }
 
   /** Without WebGL: the outline of the base, and the centre lines. */
