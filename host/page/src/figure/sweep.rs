@@ -163,7 +163,7 @@ pub(super) fn steady(
         angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
         tilt_deg: tilt.values[i],
         trials: 1,
-        is_settled: spreads.iter().all(|spread| !(spread.values[i] > MOST_SPREAD_DEG)),
+        is_settled: !spreads.iter().any(|spread| spread.values[i] > MOST_SPREAD_DEG),
         first: (),
     };
     Ok(rows.into_iter().map(point).collect())
