@@ -6,7 +6,7 @@ DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build build-demo firmware demo gallery notebooks published test proof hostile mutants lint doc book dist wheel dist-test clean
+.PHONY: help setup build build-demo firmware demo gallery notebooks published test proof hostile mutants lint doc book dist dist-arm64 wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -20,6 +20,7 @@ help:
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
+	@echo "make dist-arm64  the same for a Raspberry Pi: cross-built, and run under QEMU; some minutes"
 	@echo "make wheel     the Python package as a wheel for any Linux; some minutes"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format and lint checks"
@@ -151,6 +152,12 @@ dist: export CARGO_INCREMENTAL := 0
 dist: build
 	@sh firmware/setup.sh dist
 	@sh host/dist/package.sh
+
+dist-arm64: export CARGO_INCREMENTAL := 0
+dist-arm64: build
+	@sh firmware/setup.sh arm64
+	@sh host/dist/arm64.sh
+	@sh host/dist/package.sh arm64
 
 # One wheel for every Python from 3.10 on, on any Linux with glibc 2.17: zig links it. Into target/dist.
 wheel: export CARGO_INCREMENTAL := 0

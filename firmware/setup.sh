@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs the system packages for Biflag's build, with `test` also those for its tests, with `dist` those for its packages, and
-# prints them first. Does nothing if all are installed.
+# Installs the system packages for Biflag's build, with `test` also those for its tests, with `dist` those for its packages, with
+# `arm64` those for its packages for arm64, and prints them first. Does nothing if all are installed.
 set -eu
 cd "$(dirname "$0")"
 
@@ -8,6 +8,14 @@ packages="gcc g++ pkg-config gcc-avr avr-libc binutils-avr avrdude libsimavr-dev
 # The tests open the pages that `biflag report` writes in a real browser, and print them.
 [ "${1:-}" != test ] || packages="$packages chromium poppler-utils fonts-dejavu-core"
 [ "${1:-}" != dist ] || packages="$packages dpkg-dev debootstrap xz-utils"
+case ${1:-} in
+    arm64)
+        packages="$packages dpkg-dev xz-utils gcc-aarch64-linux-gnu libsimavr-dev:arm64 libelf-dev:arm64 qemu-user-static"
+        # rustup's library is used if `rustup target add aarch64-unknown-linux-gnu` has brought it.
+        [ -d "$(rustc --print target-libdir --target aarch64-unknown-linux-gnu 2>/dev/null)" ] ||
+            packages="$packages rustc-web cargo-web libstd-rust-web-dev:arm64"
+        ;;
+esac
 
 if ! command -v rustup >/dev/null && ! command -v cargo >/dev/null; then
     echo "Biflag needs Rust: install it from https://rustup.rs, then run this again." >&2
@@ -35,5 +43,8 @@ else
     exit 1
 fi
 echo "Installing with apt:$missing"
+case $missing in
+    *:arm64*) $as_root dpkg --add-architecture arm64 ;;
+esac
 $as_root apt-get update -qq
 $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null

@@ -27,7 +27,7 @@ in_debian() {
     rm -rf "$root"
     cp -a "$base" "$root"
     mkdir -p "$root/packages" "$root$bootloaders"
-    cp "$dist"/biflag[-_]* host/dist/check.sh "$root/packages"
+    cp "$dist"/biflag_*"_$(dpkg --print-architecture).deb" "$dist"/biflag-*"-linux-$(uname -m).tar.gz" host/dist/check.sh "$root/packages"
     # Of Debian's arduino-core-avr, which would bring avr-gcc.
     cp -R $bootloaders/optiboot $bootloaders/atmega "$root$bootloaders"
     unshare --mount --pid --fork sh -euc '

@@ -1,8 +1,8 @@
 //! The host side of the rig: the library behind the `biflag` program.
 //!
-//! The [`commands`] are here. What they command is in three crates, whose modules this one gives on, so that its users
-//! need no other: `study` (plans, trials, model runs, comparison), `page` (reports and figures) and `rig` (the board).
-//! Each crate's front page says why it is one.
+//! The [`commands`] are here. Their work is in three crates: `study` (plans, trials, model runs, comparison), `page` (reports
+//! and figures) and `rig` (the board). This crate re-exports their modules, so that its users need no other. The front page
+//! of each crate gives the reason for it.
 
 pub mod commands;
 mod image;

@@ -48,8 +48,7 @@ fn a_camera_agrees_with_the_trial_that_it_saw() {
         assert!(export.contains(line), "{line} is not in {}", &export[..600]);
     }
     std::fs::write(folder.join("camera.csv"), camera(&export)).unwrap();
-    let args =
-        ["import", "camera.csv", "--columns", COLUMNS, "--uncertainty", "0.3,0.1", "-o", "camera.mcap", "--json"];
+    let args = ["import", "camera.csv", "--columns", COLUMNS, "--uncertainty", "0.3,0.1", "--json"];
     let import = biflag(folder, &args);
     let said = json(&import);
     assert_eq!(code(&import), Some(0), "{said}");
@@ -62,6 +61,10 @@ fn a_camera_agrees_with_the_trial_that_it_saw() {
     assert!((start - 45.0).abs() < 0.11 && (end - 76.0).abs() < 0.4, "{said}");
     assert!((number(&said["w1_rpm"]) + 37.3).abs() < 0.02 && (number(&said["w2_rpm"]) + 12.9).abs() < 0.02, "{said}");
     assert_eq!(said["yaw_uncertainty_deg"], 0.3, "{said}");
+    // Without --columns it asks for them, and without -o the log has the name of the table.
+    let asked = biflag(folder, &["import", "camera.csv"]);
+    let (said_of_it, stderr) = (code(&asked), String::from_utf8_lossy(&asked.stderr).into_owned());
+    assert!(said_of_it == Some(2) && stderr.contains("camera.csv has the columns "), "{stderr}");
     // The log is a trial: what every command says of it is the same.
     let info = json(&biflag(folder, &["info", "camera.mcap", "--json"]));
     assert_eq!((&info["origin"], &info["angles"]["yaw_deg"]), (&"imported".into(), &said["yaw_deg"]), "{info}");

@@ -1,16 +1,14 @@
 //! Writes the firmware image to the emulated board with avrdude, through Arduino's bootloaders.
 
-use host::run::rig::{Image, VirtualNano};
-use tests::{Bench, firmware, nano, program};
+use host::run::rig::Image;
+use tests::{Bench, firmware, nano};
 
 /// `standalone` flashes through the other bootloader, optiboot, at 115200 bit/s.
 #[test]
 fn flash_with_the_old_bootloader() {
     let bench = Bench::new();
-    let nano = VirtualNano::start(&program("vnano"), ["--bootloader", "old"]).unwrap();
     let image = firmware();
-    let run =
-        bench.run(["flash", "--port", nano.port(), "--firmware", image.to_str().unwrap(), "--json"]).expect_code(0);
+    let run = bench.run(["flash", "--virtual", "--firmware", image.to_str().unwrap(), "--json"]).expect_code(0);
     let flashed = run.json();
     println!("{flashed}");
     assert_eq!(flashed["baud"], 57_600);

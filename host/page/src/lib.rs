@@ -1,4 +1,4 @@
-//! What people look at: pages ([`report`]), figures for print ([`figure`]) and films ([`film`]).
+//! Everything for people to look at: pages ([`report`]), figures for print ([`figure`]) and films ([`film`]).
 //!
 //! It is a crate of its own because words and colours change more often than numbers: a change here compiles no fit and
 //! no sweep again. Its seam is one way: it takes trials, comparisons and tables from the crate `study` and computes no

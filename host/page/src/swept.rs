@@ -4,6 +4,7 @@
 //! numbers before the first result that does not follow from the inputs before it: a table also has columns that follow
 //! from its inputs, such as lengths from groups.
 
+use sim::steady::Kind as Motion;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use study::export::table::{self, Table, Values};
@@ -45,8 +46,8 @@ fn without_unit(name: &str) -> &str {
     units.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name)
 }
 
-/// What is known about the steady state of a point, as the page's script reads it: the index.
-const STATES: [&str; 5] = ["steady", "beating", "unstable", "two_motions", "not_found"];
+/// The kinds of motions, from the steadiest. Pages and figures read the index.
+pub(crate) const MOTIONS: [Motion; 3] = [Motion::Steady, Motion::Beating, Motion::NotFound];
 
 /// What a column before the results is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -92,7 +93,7 @@ pub(crate) struct Swept {
     pub inputs: Vec<Column>,
     /// What the model says.
     pub results: Vec<Column>,
-    /// The index in [`STATES`] of each row's steady state; -1 where the point failed or the table does not say.
+    /// The index in [`MOTIONS`] of each row's steady state; -1 where the point failed or the table does not say.
     pub states: Vec<i64>,
 }
 
@@ -119,7 +120,7 @@ impl Swept {
 
     /// Returns whether not even the means of a point are known.
     pub fn is_unknown(&self, row: usize) -> bool {
-        self.states[row] == (STATES.len() - 1) as i64
+        usize::try_from(self.states[row]).is_ok_and(|state| MOTIONS[state] == Motion::NotFound)
     }
 
     /// Returns the number of points.
@@ -219,7 +220,7 @@ fn commonest(values: impl Iterator<Item = f64>) -> (f64, usize) {
 /// Returns the state of each row.
 fn states(table: &Table) -> Vec<i64> {
     let kinds = table.columns.iter().find(|column| column.name == "kind").map(|column| &column.values);
-    let index = |kind: &String| STATES.iter().position(|state| state == kind).map_or(-1, |i| i as i64);
+    let index = |kind: &String| MOTIONS.iter().position(|motion| motion.name() == kind).map_or(-1, |i| i as i64);
     match kinds {
         Some(Values::Text(kinds)) => kinds.iter().map(index).collect(),
         _ => vec![-1; table.rows()],

@@ -1,4 +1,4 @@
-//! The Python module: a door to the simulator and to what logs hold.
+//! The Python module: a door to the simulator and to the content of logs.
 //!
 //! The package `biflag` (`python/biflag`) has the classes that users see; this library computes for them, with the
 //! interpreter's lock released, and hands over numpy arrays. Arrays are not copied on their way to Python.

@@ -1,4 +1,4 @@
-//! What a log holds, with the values that all commands and pages show.
+//! The content of a log, with the values that all commands and pages show.
 
 use crate::failure::Failure;
 use crate::interrupt::interruptible;

@@ -1,4 +1,4 @@
-//! Pages that show what a log holds.
+//! Pages that show the content of a log.
 
 use crate::failure::Failure;
 use std::path::Path;

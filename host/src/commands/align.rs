@@ -3,7 +3,7 @@
 use super::ask::ask;
 use super::{Answer, Outcome, settings, virtual_board};
 use crate::colour;
-use crate::link::{self, Link};
+use crate::link::Link;
 use crate::run::rig::{RecordError, park};
 use crate::signals::interruption;
 use protocol::Command;
@@ -70,10 +70,7 @@ enum Key {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let interrupted = interruption()?;
     let nano = args.r#virtual.then(|| virtual_board::start(vec!["--speed".into(), "max".into()], &[])).transpose()?;
-    let port = match &nano {
-        Some(nano) => nano.port().to_owned(),
-        None => link::choose_port(args.port.as_deref())?,
-    };
+    let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     let link = Link::open_unless(&port, &interrupted)?;
     let per_turn = f64::from(settings::read(&link)?.counts_per_turn);
     let begin = park::info(&link)?.encoder;

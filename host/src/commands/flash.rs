@@ -1,9 +1,9 @@
 //! `biflag flash`: writes the firmware to the board.
 
-use super::{Answer, Outcome};
+use super::{Answer, Outcome, virtual_board};
 use crate::image;
 use crate::link::{self, Claim, Link};
-use crate::run::rig::{self, Image, commit_text};
+use crate::run::rig::{self, Image, VirtualNano, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use miette::miette;
 use serde::Serialize;
@@ -16,8 +16,11 @@ use std::time::Duration;
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
     /// The board's serial port; not needed if only one board is plugged in.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "virtual")]
     port: Option<String>,
+    /// Write it to an emulated board, as practice: a board with the old bootloader and no firmware.
+    #[arg(long = "virtual")]
+    r#virtual: bool,
     /// Write this ELF image instead of the firmware inside biflag.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
@@ -32,7 +35,9 @@ struct Flashed {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let port = link::choose_port(args.port.as_deref())?;
+    let new = || VirtualNano::start(&VirtualNano::program()?, ["--bootloader", "old"]);
+    let nano = args.r#virtual.then(new).transpose()?;
+    let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     // A wrong or busy port fails here, not after a build of minutes.
     link::probe_port(&port)?;
     let claim = Claim::take(&port)?;

@@ -2,7 +2,7 @@
 
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{pair, span, speeds};
-use super::{Answer, Outcome};
+use super::{Answer, Outcome, WRONG_USE};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
 use crate::text::{count, decimal, printable, quoted};
@@ -31,12 +31,12 @@ use std::path::PathBuf;
 pub struct Args {
     /// The table, with a comma, semicolon or tab between the cells.
     csv: PathBuf,
-    /// Which column holds which quantity.
+    /// Which column holds which quantity. Without it, the columns of the table are printed.
     #[arg(long, value_name = "QUANTITY=COLUMN,...", allow_hyphen_values = true)]
-    columns: String,
-    /// The log to write, which must not exist yet.
+    columns: Option<String>,
+    /// The log to write, which must not exist yet; by default that of the table's name.
     #[arg(short, long = "out", alias = "output", value_name = "LOG")]
-    output: PathBuf,
+    output: Option<PathBuf>,
     /// The log of a recording of the same trial. The clock of the table is then found by the yaw that both have measured, and
     /// robot, speeds and run are those of the recording: the table is a second source of its angles.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["speeds", "run", "robot"])]
@@ -71,10 +71,26 @@ fn temperature(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|celsius| (-20.0..=100.0).contains(celsius)).ok_or_else(|| "give -20 to 100 °C".to_owned())
 }
 
+/// Asks for the columns of a table.
+fn which_columns(table: &str, header: &[String]) -> miette::Report {
+    let has = match header {
+        [] => "has no names of columns, so that they are #1, #2, ...".to_owned(),
+        names => format!("has the columns {}", names.join(", ")),
+    };
+    miette::miette!(
+        code = WRONG_USE,
+        help = "say which is what with --columns, as in `time=t,yaw=-psi:rad,pitch=p,roll=0`; `biflag import --help` lists quantities and units",
+        "{table} {has}"
+    )
+}
+
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let mapping: Mapping = args.columns.parse()?;
+    let mapping: Option<Mapping> = args.columns.as_ref().map(|columns| columns.parse()).transpose()?;
+    let output = args.output.clone().unwrap_or_else(|| args.csv.with_extension("mcap"));
     let table = args.csv.display().to_string();
-    let states = Table::read(&args.csv)?.states(&mapping)?;
+    let rows = Table::read(&args.csv)?;
+    let mapping = mapping.ok_or_else(|| which_columns(&table, rows.header()))?;
+    let states = rows.states(&mapping)?;
     let conditions = Conditions {
         speeds: args.speeds,
         run_s: args.run.map(|[from, to]| from..to),
@@ -95,13 +111,13 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             (states, conditions)
         }
     };
-    let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &args.output)?;
-    let data = Data::read(&args.output, Want::default())?;
+    let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &output)?;
+    let data = Data::read(&output, Want::default())?;
     let zeroed = Zeroed::new(&data);
     let angles = zeroed.angles();
-    let findings = LogFinding::all_of(&args.output, findings(&data, &zeroed));
+    let findings = LogFinding::all_of(&output, findings(&data, &zeroed));
     let [w1_rpm, w2_rpm] = speeds.map(CentiRpm::rpm);
-    let log = args.output.to_string_lossy();
+    let log = output.to_string_lossy();
     let mut body = json!({
         "log": log,
         "samples": samples,

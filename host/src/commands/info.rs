@@ -101,7 +101,9 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
     if let Some(t) = records.trial.as_ref().map(|_| data.trial()) {
         let speeds = format!("{} and {} rpm", t.w1_rpm, t.w2_rpm);
         lines.add("trial", format!("{}, {speeds}, repeat {}, attempt {}", t.name, t.repeat, t.attempt));
-        let (calibrate, preroll, run, decay) = (t.calibrate_s, t.preroll_s, t.run_s, t.decay_s);
+        // Times of an imported trial are differences of its clock.
+        let [calibrate, preroll, run, decay] =
+            [t.calibrate_s, t.preroll_s, t.run_s, t.decay_s].map(|s| (s * 1e3).round() / 1e3);
         lines.add("starts at", t.phase_deg.map_or(String::new(), |[one, two]| format!("{one}° and {two}°")));
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }

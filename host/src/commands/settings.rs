@@ -2,9 +2,9 @@
 
 use super::ask::ask;
 use super::options::volts;
-use super::{Answer, Outcome, WRONG_USE};
+use super::{Answer, Outcome, WRONG_USE, virtual_board};
 use crate::colour;
-use crate::link::{self, Link, LinkError};
+use crate::link::{Link, LinkError};
 use crate::plan::board::{self, BoardSettings};
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::preflight;
@@ -21,8 +21,11 @@ use std::sync::atomic::AtomicBool;
 #[command(after_help = "Example: biflag settings > board.toml; biflag settings --write board.toml")]
 pub struct Args {
     /// The board's serial port; not needed if only one board is plugged in.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "virtual")]
     port: Option<String>,
+    /// Use an emulated board, as practice: this computer keeps no copy of its settings.
+    #[arg(long = "virtual", conflicts_with = "restore")]
+    r#virtual: bool,
     /// Save the settings from this file in the board's EEPROM; settings that are not in the file stay unchanged.
     #[arg(long, value_name = "FILE", group = "change")]
     write: Option<PathBuf>,
@@ -38,7 +41,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let copies = BoardCopies::of_user();
+    let copies = if args.r#virtual { None } else { BoardCopies::of_user() };
     let change = match (&args.write, args.restore) {
         (Some(file), _) => Some(board::load(file)?),
         (None, Some(id)) => Some(restored(copies.as_ref(), id)?),
@@ -47,7 +50,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (None, None) => None,
     };
     let interrupted = interruption()?;
-    let link = Link::open(&link::choose_port(args.port.as_deref())?)?;
+    let nano = args.r#virtual.then(|| virtual_board::start(Vec::new(), &[])).transpose()?;
+    let link = Link::open(&virtual_board::port(nano.as_ref(), args.port.as_deref())?)?;
     let mut settings = read(&link)?;
     let mut notes = Vec::new();
     if let Some(change) = change {

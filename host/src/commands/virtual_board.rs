@@ -3,6 +3,7 @@
 use super::answer::WRONG_USE;
 use super::{Answer, Outcome};
 use crate::image;
+use crate::link;
 use crate::plan::RobotFile;
 use crate::run::rig::{VirtualError, VirtualNano};
 use miette::{IntoDiagnostic, WrapErr};
@@ -66,6 +67,14 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
         }
         other => other.into(),
     })
+}
+
+/// Returns the serial port of the emulated board if there is one, otherwise the chosen one.
+///
+/// # Errors
+/// As [`link::choose_port`].
+pub(super) fn port(nano: Option<&VirtualNano>, chosen: Option<&str>) -> miette::Result<String> {
+    nano.map_or_else(|| Ok(link::choose_port(chosen)?), |nano| Ok(nano.port().to_owned()))
 }
 
 /// Returns the argument for the robot behind the board, and the file that it names until it is dropped.

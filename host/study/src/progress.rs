@@ -98,7 +98,8 @@ impl Progress {
         self.change(true, |state| {
             if self.plain {
                 let percent = 0.1 * state.bar.position_ms as f64 / self.total_s.max(f64::MIN_POSITIVE);
-                state.lines.push_back(format!("{percent:3.0} % {message}"));
+                let done = if percent > 0.0 { format!("{percent:3.0} % ") } else { String::new() };
+                state.lines.push_back(format!("{done}{message}"));
             }
             state.bar.message = message;
         });
@@ -346,7 +347,7 @@ mod tests {
         progress.line("001: result");
         progress.finish();
         let shown: Vec<_> = tells.try_iter().filter(|text| !text.starts_with("bar")).collect();
-        assert_eq!(shown, ["note: first", "  0 % 001: rest", " 25 % 001: run", "001: result", "clear"]);
+        assert_eq!(shown, ["note: first", "001: rest", " 25 % 001: run", "001: result", "clear"]);
     }
 
     #[test]

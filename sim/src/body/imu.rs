@@ -1,4 +1,4 @@
-//! What an ideal inertial sensor measures when it does not sit at the ball joint.
+//! The readings of an ideal inertial sensor that does not sit at the ball joint.
 
 use crate::V3;
 

@@ -1,4 +1,4 @@
-//! What a flagellum does to the base.
+//! Force and torque of a flagellum on the base.
 
 use crate::V3;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
 //! Tests of the page of a swept table.
 
 use super::{is_quiet, picture, report};
+use host::sweep;
 use serde_json::json;
 use tests::Bench;
 use tests::browser::Browser;
@@ -63,6 +64,36 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(390), "the page fits a phone");
     is_quiet(&browser, &page);
 
+    // The points of a Sobol sequence, each at two pairs of speeds: a dot each, over the keys on which the yaw depends most.
+    let varies = ["viscosity_pa_s", "young_pa", "tether"].map(|key| format!("# {key} [1]: {}\n", sweep::VARIES));
+    let mut table = varies.concat() + "point,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,tether,yaw_deg,kind,status\n";
+    for i in 0..40 {
+        let [viscosity, young, tether] = [0.618, 0.755, 0.570].map(|step| 1.0 + (f64::from(i) * step).fract());
+        for (w1, w2) in [(50.0, 10.0), (0.0, 45.0)] {
+            let kind = if i == 0 { "not_found" } else { "steady" };
+            let yaw = -w1 * viscosity / tether - w2 + 0.01 * young;
+            table += &format!("p,{w1},{w2},{viscosity},{young},{tether},{yaw},{kind},ok\n");
+        }
+    }
+    bench.file("sobol.csv", &table);
+    browser.open(&report(&bench, "sobol.csv", 0));
+    let caption = browser.text(".sweep figcaption");
+    assert_eq!(browser.text(".sweep figure h3"), "yaw over viscosity and tether");
+    assert!(
+        caption.contains("40 of 80 points, a dot each;") && caption.contains("1 not found, with a ring."),
+        "{caption}"
+    );
+    assert_eq!(browser.evaluate("document.querySelectorAll('.sweep .dot').length"), 40);
+    assert_eq!(
+        browser.evaluate(sliders),
+        json!(["speed of flagellum 1 (w1) 50", "speed of flagellum 2 (w2) 10", "young all"])
+    );
+    // The other pair of speeds follows one of its speeds.
+    browser.evaluate("document.querySelectorAll('.sliders input')[0].focus()");
+    browser.key("Home", 36);
+    assert_eq!(browser.evaluate(sliders)[1], "speed of flagellum 2 (w2) 45");
+    browser.picture(&picture("sobol.png"));
+
     // Of one input at a time, not every combination was computed.
     let mut table = String::from("point,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,yaw_deg,status\n");
     for (viscosity, young) in [(1.0, 1e6), (0.5, 1e6), (2.0, 1e6), (1.0, 2e6)] {
@@ -72,6 +103,8 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     }
     bench.file("single.csv", &table);
     browser.open(&report(&bench, "single.csv", 0));
+    assert_eq!(browser.text(".sweep figure h3"), "yaw over speed of flagellum 1 (w1) and viscosity");
+    browser.evaluate("(() => { const s = document.querySelector('[name=y]'); s.value = 'w2_rpm'; s.dispatchEvent(new Event('change')); })()");
     for (slider, key, expected) in [
         (0, ("Home", 36), ["viscosity 0.5", "young 1000000"]),
         (1, ("End", 35), ["viscosity 1", "young 2000000"]),

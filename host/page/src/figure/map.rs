@@ -12,6 +12,8 @@ const MAX_CELLS: usize = 80;
 pub(super) struct Point {
     pub at: [f64; 2],
     pub value: f64,
+    /// Whether the value settled and is the same for all starting phases; a ring marks the others.
+    pub is_settled: bool,
 }
 
 /// One map: a surface, for instance of the model, and points over it, for instance measured ones.
@@ -96,14 +98,18 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
             }
         }
         None => {
-            for Point { at: [x, y], value } in map.surface {
+            for Point { at: [x, y], value, .. } in map.surface {
                 sheet.dot(panel.at(*x, *y), 1.7, &shade(*value), Stroke("none", 0.0, ""));
             }
         }
     }
-    for Point { at: [x, y], value } in map.points {
+    for Point { at: [x, y], value, .. } in map.points {
         sheet.dot(panel.at(*x, *y), 2.0, &shade(*value), Stroke("#ffffff", 0.8, ""));
         sheet.dot(panel.at(*x, *y), 2.4, "none", Stroke(INK, 0.4, ""));
+    }
+    // Two colours: one of them is seen on any colour of the scale.
+    for Point { at: [x, y], .. } in map.surface.iter().chain(map.points).filter(|point| !point.is_settled) {
+        sheet.dot(panel.at(*x, *y), 0.9, "#ffffff", Stroke(INK, 0.4, ""));
     }
     frame(sheet, panel);
     colour_bar(sheet, panel, &scale, &levels, &shade);
@@ -151,7 +157,7 @@ impl Grid {
             return None;
         }
         let mut values = vec![vec![f64::NAN; xs.len()]; ys.len()];
-        for Point { at: [x, y], value } in points {
+        for Point { at: [x, y], value, .. } in points {
             values[ys.partition_point(|other| other < y)][xs.partition_point(|other| other < x)] = *value;
         }
         Some(Self { xs, ys, values })
@@ -211,7 +217,7 @@ mod tests {
     fn points(value: impl Fn(f64, f64) -> f64) -> Vec<Point> {
         let node = |i: i32, j: i32| [f64::from(i) * 10.0, f64::from(j) * 5.0];
         let all = (0..9).flat_map(|i| (0..7).map(move |j| node(i, j)));
-        all.map(|at| Point { at, value: value(at[0], at[1]) }).collect()
+        all.map(|at| Point { at, value: value(at[0], at[1]), is_settled: true }).collect()
     }
 
     #[test]
@@ -240,8 +246,9 @@ mod tests {
 
     #[test]
     fn scattered_points_are_no_grid() {
-        let scattered: Vec<_> =
-            (0..30).map(|i| Point { at: [f64::from(i) * 1.1, f64::from(i * i % 17)], value: 1.0 }).collect();
+        let scattered: Vec<_> = (0..30)
+            .map(|i| Point { at: [f64::from(i) * 1.1, f64::from(i * i % 17)], ..points(|_, _| 1.0)[0] })
+            .collect();
         assert_eq!(Grid::of(&scattered), None);
         let mut holes = points(|x, _| x);
         holes.truncate(50);

@@ -40,15 +40,16 @@ use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
 use study::plan::{PlanError, robot};
 use study::session::{Attempt, Session, SessionError, TrialState};
-use study::text::hex;
-use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
+use study::trial::{AtSpeeds, Data, FindingKind, LogFinding, Want, Zeroed, findings, mean_of_repeats};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
+
+/// Says below a map what its rings mean.
+const UNSTEADY: &str = "Ring: not settled, or more than 0.3° apart for other starting phases";
 
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
@@ -339,11 +340,19 @@ pub fn map(
     }
     let titles = ["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)"];
     let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
-        trials.iter().map(|trial| Point { at: trial.speeds_rpm, value: trial.magnitudes_deg()[k] }).collect()
+        let point = |trial: &AtSpeeds<()>| Point {
+            at: trial.speeds_rpm,
+            value: trial.magnitudes_deg()[k],
+            is_settled: trial.is_settled,
+        };
+        trials.iter().map(point).collect()
     };
     let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
     let maps: Vec<Map> =
         titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
+    if surface.iter().chain(&points).any(|trial| !trial.is_settled) {
+        under.push(UNSTEADY.to_owned());
+    }
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
     output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), &provenance, out)?;
     Ok(remarks)
@@ -366,7 +375,7 @@ pub fn fit(robots: &[PathBuf], width_mm: f64, out: &Path) -> Result<Remarks, Fig
         let named = fit::Named { name, fit };
         let doubts = named.fit.parameters.iter().filter_map(|p| Some((&p.name, named.doubt(p)?)));
         remarks.warnings.extend(doubts.map(|(parameter, doubt)| format!("{}: {parameter}: {doubt}", path.display())));
-        files.push(format!("robot file {}, SHA-256 {}", path.display(), hex(&Sha256::digest(&file.text))));
+        files.push(Provenance::file("robot file", path));
         fits.push(named);
     }
     if fits.windows(2).any(|pair| pair[0].fit.closure != pair[1].fit.closure) {
@@ -422,7 +431,9 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         let speeds_rpm = state.trial.speeds.map(CentiRpm::rpm);
         // A trial that did not end as planned has no steady angles; its findings say so.
         let angles = zeroed.angles().filter(|_| state.complete().is_some());
-        let angles = angles.map(|a| (speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], ()));
+        let is_settled = !found.iter().any(|of_log| of_log.finding.kind == FindingKind::Window);
+        let angles =
+            angles.map(|a| AtSpeeds::of_trial(speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], is_settled, ()));
         let log = angles.is_some().then(|| Provenance::log(&data));
         Ok((angles, found, log))
     };

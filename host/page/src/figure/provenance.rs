@@ -5,8 +5,10 @@
 
 use super::{FigureError, Format};
 use maud::html;
+use sha2::{Digest, Sha256};
+use std::path::Path;
 use study::program::FULL_VERSION;
-use study::text::{command_line, printable};
+use study::text::{command_line, hex, printable};
 use study::trial::Data;
 
 /// Logs that are listed at most; a map may have ten thousand.
@@ -26,8 +28,13 @@ impl Provenance {
 
     /// Returns a log as a line; its hash is known if it was wanted.
     pub fn log(data: &Data) -> String {
-        let sum = data.sha256.as_ref().map_or_else(String::new, |sum| format!(", SHA-256 {sum}"));
-        format!("log {}{sum}", data.path.display())
+        line("log", &data.path, data.sha256.as_deref())
+    }
+
+    /// Returns another file as a line, after what it is.
+    pub fn file(what: &str, path: &Path) -> String {
+        let sum = std::fs::read(path).map(|bytes| hex(&Sha256::digest(bytes)));
+        line(what, path, sum.ok().as_deref())
     }
 
     fn text(&self) -> String {
@@ -52,6 +59,11 @@ impl Provenance {
         };
         added.ok_or_else(|| FigureError::Convert { reason: "its metadata have no place".to_owned() })
     }
+}
+
+fn line(what: &str, path: &Path, sha256: Option<&str>) -> String {
+    let sum = sha256.map_or_else(String::new, |sum| format!(", SHA-256 {sum}"));
+    format!("{what} {}{sum}", path.display())
 }
 
 fn svg(file: &[u8], title: &str, text: &str) -> Option<Vec<u8>> {

@@ -5,11 +5,13 @@ use super::output::{self, Format};
 use super::provenance::Provenance;
 use super::{FigureError, Remarks};
 use crate::swept::{self, Swept};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use study::attitude::student_95;
-use study::text::hex;
 use study::trial::AtSpeeds;
+
+/// Largest difference of an angle between starting phases that a map does not mark, degrees: twice the ± of solutions with
+/// contact.
+const MOST_SPREAD_DEG: f64 = 0.3;
 
 /// Which result of a sweep is drawn over which inputs.
 #[derive(Clone, Copy, Debug)]
@@ -71,10 +73,14 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
             MOST
         )));
     }
-    let under = in_words(&swept, &fixed);
+    let mut under = in_words(&swept, &fixed);
+    if curves.iter().flat_map(|curve| &curve.points).any(|point| !point.is_steady) {
+        under.push("Open: not steady".to_owned());
+    }
     let by = by.map_or_else(String::new, swept::Column::label);
     let svg = draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
-    let provenance = Provenance::new(format!("{} over {}", value.label(), over.label()), [of_table(&table)]);
+    let provenance =
+        Provenance::new(format!("{} over {}", value.label(), over.label()), [Provenance::file("table", &table)]);
     output::write(&svg, &provenance, out)?;
     let mut warnings = Vec::new();
     if let Some(by) = lines.by.and_then(|name| swept.column(name)) {
@@ -125,13 +131,6 @@ fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
     FigureError::Swept { path: table.to_owned(), reason, help }
 }
 
-/// Returns a table as a line of a figure's provenance.
-fn of_table(path: &Path) -> String {
-    let sum = std::fs::read(path)
-        .map_or_else(|_| String::new(), |bytes| format!(", SHA-256 {}", hex(&Sha256::digest(bytes))));
-    format!("table {}{sum}", path.display())
-}
-
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
 pub(super) fn steady(
     path: &Path,
@@ -144,8 +143,10 @@ pub(super) fn steady(
         |name: &str| swept.column(name).ok_or_else(|| wrong(format!("has no column {name}, or it does not vary")));
     let [w1, w2] = [column("w1_rpm")?, column("w2_rpm")?];
     let [yaw, pitch, roll, tilt] = [column("yaw_deg")?, column("pitch_deg")?, column("roll_deg")?, column("tilt_deg")?];
+    let spreads = ["yaw_spread_deg", "tilt_spread_deg"].map(|name| swept.column(name));
+    let spreads: Vec<_> = spreads.into_iter().flatten().collect();
     let (mut rows, fixed) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
-    logs.push(of_table(&table));
+    logs.push(Provenance::file("table", &table));
     for line in in_words(&swept, &fixed) {
         if !under.contains(&line) {
             under.push(line);
@@ -162,6 +163,7 @@ pub(super) fn steady(
         angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
         tilt_deg: tilt.values[i],
         trials: 1,
+        is_settled: !spreads.iter().any(|spread| spread.values[i] > MOST_SPREAD_DEG),
         first: (),
     };
     Ok(rows.into_iter().map(point).collect())

@@ -9,6 +9,7 @@ use super::table::{Column, fitted, single, times};
 use super::text::clip;
 use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};
+use sim::contact::bundling::Bundling;
 use sim::params::Robot;
 use std::ops::Range;
 use study::attitude::Columns;
@@ -125,6 +126,7 @@ impl Curves {
             "attitude": attitude.page(&ATTITUDE),
             "motors": motors.page(&MOTORS),
             "forces": forces.as_ref().map(|forces| forces.page(&FORCES)),
+            "bundling": bundling(forces_of, shift_s(forces_of)),
             "link": if data.is_recorded() { link(&data.link_seconds) } else { Value::Null },
         });
         let rest =
@@ -245,6 +247,12 @@ fn phases(data: &Data) -> Vec<(String, f64, f64)> {
         |i: usize| -> Range<f64> { begins[i].time_s..begins.get(i + 1).map_or(data.duration_s, |next| next.time_s) };
     let shown = |i: &usize| begins[*i].text != "end";
     (0..begins.len()).filter(shown).map(|i| (clip(&begins[i].text, 20), span(i).start, span(i).end)).collect()
+}
+
+/// Returns when the flagella begin to be apart, in touch or bundled, and what they are then.
+fn bundling(data: &Data, shift_s: f64) -> Vec<(f64, Bundling)> {
+    let changes = data.records.steady.as_ref().map(|steady| steady.bundling_changes.as_slice()).unwrap_or_default();
+    changes.iter().map(|change| (change.time_s + shift_s, change.bundling)).take(MAX_EVENTS).collect()
 }
 
 /// Returns an event's mark in the charts: its time, its kind and its first words. Only problems and notes are marked.

@@ -22,10 +22,11 @@ const DRAWING: [&str; 9] = [
 ];
 
 /// What is only on pages of what is over.
-const REPORT: [&str; 5] = [
+const REPORT: [&str; 6] = [
     include_str!("assets/address.js"),
     include_str!("assets/save.js"),
     include_str!("assets/player.js"),
+    include_str!("assets/swept.js"),
     include_str!("assets/sweep.js"),
     include_str!("assets/page.js"),
 ];

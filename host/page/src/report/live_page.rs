@@ -12,7 +12,7 @@ use serde_json::json;
 use study::attitude::Columns;
 use study::plan::Plan;
 use study::text::printable;
-use study::trial::{Shapes, mean_of_repeats};
+use study::trial::{AtSpeeds, Shapes, mean_of_repeats};
 
 /// Returns the page of a session of so many trials.
 pub fn live_page(plan: &Plan, trials: usize) -> String {
@@ -96,12 +96,15 @@ fn readout() -> Markup {
 /// Returns the maps of yaw and pitch over both speeds, from each trial's speeds (rpm) and angles (degrees) where it has
 /// them. The other pairs have empty cells. Few pairs make no map.
 pub fn live_maps(trials: &[([f64; 2], Option<[f64; 3]>)]) -> String {
-    let means = mean_of_repeats(trials.iter().filter_map(|(speeds_rpm, angles)| Some((*speeds_rpm, (*angles)?, ()))));
+    let trial = |(speeds_rpm, angles_deg): &([f64; 2], Option<[f64; 3]>)| {
+        Some(AtSpeeds::of_trial(*speeds_rpm, (*angles_deg)?, true, ()))
+    };
+    let means = mean_of_repeats(trials.iter().filter_map(trial));
     let maps = [("Steady yaw", "|ψ|"), ("Steady pitch", "|θ|")].into_iter().enumerate().map(|(i, (name, symbol))| {
         let point = |(speeds_rpm, _): &([f64; 2], Option<[f64; 3]>)| {
             let mean = means.iter().find(|mean| mean.speeds_rpm == *speeds_rpm);
             let value_deg = mean.map_or(f64::NAN, |mean| mean.magnitudes_deg()[i]);
-            Point { speeds_rpm: *speeds_rpm, value_deg, anchor: None }
+            Point { speeds_rpm: *speeds_rpm, value_deg, is_settled: true, anchor: None }
         };
         let points: Vec<Point> = trials.iter().map(point).collect();
         let title = format!("{name} {symbol}");

@@ -16,6 +16,7 @@ mod parameters;
 mod repeats;
 mod session_page;
 pub(crate) mod shapes;
+mod small_multiples;
 mod sweep_page;
 mod table;
 mod text;

@@ -3,6 +3,7 @@
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
 use super::repeats;
+use super::small_multiples;
 use super::text::{clip, count, number, plain};
 use super::trial_section::{answer, notices, tile, warnings};
 use super::view::{ModelRobot, View};
@@ -76,6 +77,7 @@ impl Session<'_> {
         let Self { folder, plan, rows, comparison, has_charts } = *self;
         let first = self.views().first().copied();
         html! {
+            @if self.opens_first() { a.skip href={ "#" (anchor(0)) } { "Skip to the first trial" } }
             h1 { (clip(&plan.name, 200)) }
             p.meta {
                 span { "session of " (count(rows.len(), "trial", "trials")) }
@@ -92,6 +94,7 @@ impl Session<'_> {
             }
             @if !self.opens_first() { (self.results()) }
             h2 #trials { "Trials" }
+            (small_multiples::section(rows, comparison))
             (table(rows, comparison, has_charts))
         }
     }
@@ -173,7 +176,8 @@ fn maps(rows: &[Row]) -> Markup {
             let view = row.view().filter(|view| view.is_complete)?;
             let steady = view.steady?;
             let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
-            Some((row.speeds_rpm, angles, (!view.data.is_null()).then(|| anchor(i))))
+            let anchor = (!view.data.is_null()).then(|| anchor(i));
+            Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(), anchor))
         };
         mean_of_repeats(rows.iter().enumerate().filter_map(trial))
     });
@@ -182,6 +186,7 @@ fn maps(rows: &[Row]) -> Markup {
         let point = |mean: &AtSpeeds<Option<String>>| Point {
             speeds_rpm: mean.speeds_rpm,
             value_deg: mean.magnitudes_deg()[angle],
+            is_settled: mean.is_settled,
             anchor: mean.first.clone(),
         };
         means.map(point).collect()
@@ -229,8 +234,8 @@ fn cell(value: Option<f64>, decimals: usize) -> Markup {
 struct Columns {
     charts: bool,
     uncertainty: bool,
-    /// What the trials are compared with, if they are.
-    compared: Option<&'static str>,
+    /// Whether the trials are compared with others.
+    compared: bool,
     link: bool,
 }
 
@@ -239,7 +244,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     let columns = Columns {
         charts: has_charts,
         uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
-        compared: rows.iter().filter_map(Row::view).find_map(View::other_name),
+        compared: any(|view| view.comparison.is_some()),
         link: any(|view| !view.is_model()),
     };
     let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
@@ -250,10 +255,10 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
                     th scope="col" { button type="button" { "Trial" } }
                     (head("w1, rpm")) (head("w2, rpm"))
                     (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
-                    @if let Some(name) = columns.compared {
-                        // Columns are narrow.
-                        @let other = if name == "model" { name } else { "other" };
-                        (head(&format!("{other} ψ"))) (head(&format!("{other} θ"))) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if columns.compared {
+                        // What a verdict speaks of; the other side's own angles are on the page of the trial.
+                        @for head_of in ["error", "RMS"] { @for angle in ["ψ", "θ", "φ"] { (head(&format!("{head_of} {angle}"))) } }
+                    }
                     @if columns.link { (head("lost")) }
                     th.text scope="col" { "Notes" }
                 } }
@@ -264,7 +269,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
 }
 
 /// Returns whether a trial differs from what it is compared with, in a few words.
-fn verdict(view: &View, session: Option<&SessionComparison>) -> Option<&'static str> {
+pub(super) fn verdict(view: &View, session: Option<&SessionComparison>) -> Option<&'static str> {
     let trial = session?.trials.iter().find(|trial| trial.name == view.name)?;
     match (trial.differences.is_empty(), trial.transients_agree()) {
         (false, _) if trial.is_beyond_chance => Some("differs, beyond chance"),
@@ -301,10 +306,9 @@ fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Colum
             (cell(angle(0), 2))
             @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
-            @if columns.compared.is_some() {
-                (cell(comparison.map(|c| c.yaw.modelled_deg), 2)) (cell(comparison.map(|c| c.pitch.modelled_deg), 2))
-                (cell(comparison.map(|c| c.yaw.error_deg), 2)) (cell(comparison.map(|c| c.pitch.error_deg), 2))
-                (cell(comparison.map(|c| c.yaw.rmse_deg), 2)) (cell(comparison.map(|c| c.pitch.rmse_deg), 2))
+            @if columns.compared {
+                @for k in 0..3 { (cell(comparison.map(|c| c.angles()[k].error_deg), 2)) }
+                @for k in 0..3 { (cell(comparison.map(|c| c.angles()[k].rmse_deg), 2)) }
             }
             @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
             td.text {

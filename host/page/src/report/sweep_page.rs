@@ -5,7 +5,7 @@ use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
 use super::{Counts, Written, document, put};
-use crate::swept::{Column, Swept};
+use crate::swept::{Column, MOTIONS, Swept};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -30,7 +30,8 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
         columns.iter().map(one).collect()
     };
     let states: Vec<i64> = swept.states.iter().step_by(every).copied().collect();
-    let data = json!({ "inputs": page(inputs), "results": page(results), "states": states });
+    let kinds = MOTIONS.map(|motion| motion.name().replace('_', " "));
+    let data = json!({ "inputs": page(inputs), "results": page(results), "states": states, "kinds": kinds });
     let data = html! { script type="application/json" id="sweep-data" { (PreEscaped(json_for_script(&data))) } };
     put(
         out,

@@ -292,6 +292,9 @@ fn sessions_of_scattered_speeds_have_maps() {
             .unwrap();
         let maps: Vec<&str> =
             page.split("<svg viewBox").skip(1).map(|map| map.split("</svg>").next().unwrap()).collect();
+        let (maps, multiples): (Vec<&str>, Vec<&str>) =
+            maps.into_iter().partition(|svg| svg.contains("role=\"group\""));
+        assert_eq!(multiples.len(), plan.trials.len(), "{name}: a small picture of each trial");
         assert_eq!(maps.len(), if marks.is_empty() { 0 } else { 4 }, "{name}");
         for map in maps {
             let linked = map.split("<a href=\"#trial-").skip(1).filter(|link| link.contains(marks)).count();

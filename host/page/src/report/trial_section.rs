@@ -155,8 +155,7 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     )
 }
 
-/// A list of warnings, if there are any.
-/// Remarks that are no problems.
+/// A list of remarks that are no problems, if there are any.
 pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {
@@ -166,7 +165,7 @@ pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     }
 }
 
-/// Problems.
+/// A list of problems, if there are any.
 pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {
@@ -349,9 +348,11 @@ pub(super) fn speed_entries() -> [Entry; 4] {
 
 fn force_charts(view: &View) -> Markup {
     let of_model = if view.borrowed_forces { ", model" } else { "" };
-    let contact = || Entry::new("block c-contact", "in contact", "");
+    let ribbon =
+        || [("block c-contact", "in contact"), ("block c-model", "ribbon: touching"), ("block c-bundled", "bundled")];
+    let contact = || ribbon().map(|(look, text)| Entry::new(look, text, ""));
     let range = || Entry::range(view.curves.forces_range_s);
-    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain([contact()]).chain(range()).collect() };
+    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain(contact()).chain(range()).collect() };
     let forces =
         vec![Entry::new("c-flagellum1", "flagellum 1", "force1"), Entry::new("c-flagellum2", "flagellum 2", "force2")];
     let title = format!("Forces on the base{of_model}: thrust z, below x and y (body axes), mN");

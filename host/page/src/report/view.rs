@@ -5,6 +5,7 @@
 
 use super::budget::ByteBudget;
 use super::curves::Curves;
+use super::small_multiples;
 use super::warnings::{Warning, warnings};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
@@ -75,6 +76,8 @@ pub struct View {
     pub(super) borrowed_shapes: bool,
     pub(super) borrowed_forces: bool,
     pub(super) has_truth: bool,
+    /// The yaw over the run, for a small picture.
+    pub(super) curve: Vec<[f64; 3]>,
     /// Whether the trial ended as planned and its log is intact.
     pub(super) is_complete: bool,
     /// The data of the page's script; `null` if the page has no room for it.
@@ -106,6 +109,7 @@ impl View {
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
             borrowed_forces: data.forces.is_empty() && other.is_some_and(|other| !other.forces.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
+            curve: small_multiples::curve(data, &zeroed, compared.map(|(compared, _)| compared)),
             is_complete: data.is_complete(),
             data: Value::Null,
             records: data.records.clone(),
@@ -118,6 +122,7 @@ impl View {
         if budget.is_enough() {
             (view.data, view.curves) = Curves::fit(data, &zeroed, compared, budget);
             view.data["own"] = view.own_name().into();
+            view.data["other"] = view.other_name().into();
         }
         view
     }

@@ -1,4 +1,4 @@
-//! What a page in a browser shows of a recording: the running trial twenty times a second, and the session so far.
+//! The news of a recording for a page in a browser: the running trial twenty times a second, and the session so far.
 
 use biflag_log::Tap;
 use biflag_log::schema::biflag::{Event, Telemetry, event::Kind};

@@ -1,4 +1,4 @@
-//! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and what the log says against it.
+//! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and prints its findings.
 
 use super::super::findings::finding_line;
 use super::{Check, Finding, check};

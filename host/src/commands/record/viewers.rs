@@ -1,4 +1,4 @@
-//! What a recording is shown to while it runs: Foxglove, and a page in the browser.
+//! The viewers of a running recording: Foxglove, and a page in the browser.
 
 use super::row::{RecordedTrial, remarks};
 use crate::live::{Browser, Feed, Live};

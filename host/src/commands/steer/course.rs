@@ -1,4 +1,4 @@
-//! What is to be done: the wanted attitude, who gives the speeds, and the plan of the one trial.
+//! The task: the wanted attitude, the source of the speeds, and the plan of the one trial.
 
 use super::Args;
 use crate::aim::{self, Quantity, Target};

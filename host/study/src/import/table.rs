@@ -108,6 +108,11 @@ pub struct Table {
 }
 
 impl Table {
+    /// Returns the names of the columns; empty if the table has none.
+    pub fn header(&self) -> &[String] {
+        &self.header
+    }
+
     /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
     /// line holds the names of the columns, unless all its cells are numbers. The numbers of the columns, which programs write
     /// for want of names, are names too.

@@ -60,7 +60,10 @@ fn rows_that_a_camera_lost_are_rows_of_the_table() {
     let (_, data) = imported_without(82..109, COLUMNS, &conditions());
     let texts: Vec<String> = findings(&data, &Zeroed::new(&data)).into_iter().map(|finding| finding.text).collect();
     let has = |part: &str| texts.iter().any(|text| text.contains(part));
-    assert!(has("the table has no row from ") && has("rows of the table are missing in 1 place, 1.4"), "{texts:?}");
+    assert!(
+        has("full turn: rows of the table are missing from ") && has("rows of the table are missing in 1 place, 1.4"),
+        "{texts:?}"
+    );
     assert!(has("of the last ") && has("have rows of the table") && !has("telemetry"), "{texts:?}");
 }
 

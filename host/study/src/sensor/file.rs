@@ -1,4 +1,4 @@
-//! `sensor.toml`: what was measured of one sensor, quantity by quantity. Whatever is not in it is as the data sheet says.
+//! `sensor.toml`: the measurements of one sensor, quantity by quantity. Other quantities are those of the data sheet.
 //!
 //! All quantities are the part's own errors in body axes, as in [`Sensor`](super::Sensor), before any correction by the board.
 //! Uncertainties are standard uncertainties; those from few repeats are enlarged, so that 1.96 of them contain 95 %

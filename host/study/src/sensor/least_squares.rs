@@ -1,4 +1,4 @@
-//! Least squares with few unknowns, and the uncertainty of what few repeats tell.
+//! Least squares with few unknowns, and their uncertainty from few repeats.
 
 use crate::attitude::student_95;
 use nalgebra::{DMatrix, DVector};

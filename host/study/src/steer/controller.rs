@@ -1,4 +1,4 @@
-//! The built-in controller: a feed-forward from the map of the robot, and an integral of what the means still lack.
+//! The built-in controller: a feed-forward from the map of the robot, and an integral of the remaining error of the means.
 //!
 //! Near the speeds w₀ at which the map has the wanted attitude y*, the mean attitude y of the robot follows its speeds w as
 //! τ y' = y* + J (w - w₀) - y: J are the derivatives of the map, and τ the lags [`LAGS_S`], diagonal. Without

@@ -1,4 +1,4 @@
-//! What a pilot is told.
+//! The observation that a controller receives.
 
 use serde::Serialize;
 

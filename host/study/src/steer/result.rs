@@ -1,4 +1,4 @@
-//! What a steered run came to: its late steps, and the attitude that it held.
+//! The result of a steered run: its late steps, and the attitude that it held.
 
 use super::{HELD_S, Times};
 use crate::trial::{Data, Zeroed};

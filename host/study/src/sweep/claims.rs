@@ -1,4 +1,4 @@
-//! Claims: which worker computes which block of a shard. A worker that has finished its own shard takes blocks of others.
+//! Claims: each block of a shard belongs to one worker. A worker that has finished its own shard takes blocks of others.
 //!
 //! ```text
 //! claims/3-of-64.1      shard 3 of 64 is at work, for the first time

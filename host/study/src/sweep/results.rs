@@ -1,4 +1,4 @@
-//! The version of the model's results, by which results are taken over from earlier sweeps.
+//! The version of the model's results: a sweep takes over results of an earlier one if their versions are equal.
 //!
 //! Points of different programs are the same if their inputs and this version are. Whoever changes a result increases the
 //! version: the test below asks for it.

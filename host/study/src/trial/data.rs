@@ -228,6 +228,14 @@ impl Data {
         self.origin().is_recorded()
     }
 
+    /// Returns what a gap in the log lacks, and the verb with it: a camera has no telemetry.
+    pub(super) fn lacking(&self) -> [&'static str; 2] {
+        match self.origin() {
+            Origin::Imported => ["rows of the table", "are"],
+            _ => ["telemetry", "is"],
+        }
+    }
+
     /// Returns whether the trial measured a real robot: no model computed it, and none was behind its board.
     pub fn is_real(&self) -> bool {
         self.records.model.is_none()

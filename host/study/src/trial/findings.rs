@@ -1,4 +1,4 @@
-//! What a log says against its own trial: one list, made from the log alone, for every command to print.
+//! Findings about a trial from its log alone: one list that every command prints.
 
 use super::axes;
 use super::data::Data;
@@ -85,7 +85,7 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
         let share = 1.0 - missing_s / window_s;
         if share < LEAST_SHARE {
-            let what = if data.is_recorded() { "telemetry" } else { "rows of the table" };
+            let [what, _] = data.lacking();
             let text = format!("only {:.0} % of the last {window_s:.1} s have {what}", 100.0 * share);
             found.push(Finding::grave(FindingKind::Window, text, REPEAT));
         }
@@ -169,11 +169,9 @@ fn conduct(data: &Data) -> Vec<Finding> {
         found.push(slight(gaps, ""));
     }
     if let Some(Range { start, end }) = data.longest_gap().filter(|_| data.has_long_gap()) {
-        let (what, cure) = match data.origin() {
-            Origin::Imported => ("the table has no row", "import a table with more rows"),
-            _ => ("telemetry is missing", REPEAT),
-        };
-        let text = format!("the yaw may lack a full turn: {what} from {start:.1} s to {end:.1} s");
+        let [what, verb] = data.lacking();
+        let cure = if data.origin() == Origin::Imported { "import a table with more rows" } else { REPEAT };
+        let text = format!("the yaw may lack a full turn: {what} {verb} missing from {start:.1} s to {end:.1} s");
         found.push(grave(text, cure));
     }
     let protocols = records.identity.as_ref().map(|identity| identity.protocol);

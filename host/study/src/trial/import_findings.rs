@@ -1,4 +1,4 @@
-//! What a trial that other instruments measured says against itself: its table, its motors, its rest.
+//! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::data::Data;
 use super::finding::{Finding, FindingKind};

@@ -19,10 +19,16 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
     }
     let [yaw_dps, pitch_dps, roll_dps] = angles.map(|angle| certain_rate(angle, &last));
     let motion = Motion { yaw_dps, tilt_dps: pitch_dps.hypot(roll_dps) };
-    let text = format!(
-        "the robot was not still before the run: its yaw turned at {:.2} °/s or more, its tilt at {:.2} °/s or more",
-        motion.yaw_dps, motion.tilt_dps
-    );
+    let parts = [
+        ("yaw", Motion { tilt_dps: 0.0, ..motion }, yaw_dps),
+        ("tilt", Motion { yaw_dps: 0.0, ..motion }, motion.tilt_dps),
+    ];
+    let moved: Vec<String> = parts
+        .iter()
+        .filter(|(_, alone, _)| alone.relative() > 1.0)
+        .map(|(name, _, dps)| format!("its {name} turned at {dps:.2} °/s or more"))
+        .collect();
+    let text = format!("the robot was not still before the run: {}", moved.join(", "));
     let cure = "let the robot rest longer before the run";
     match motion.relative() {
         still if still <= 1.0 => None,

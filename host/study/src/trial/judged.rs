@@ -1,4 +1,4 @@
-//! The attitude of a trial, judged by what its log says against it: a finding may take its uncertainties away.
+//! The attitude of a trial, judged by its findings: a finding may take its uncertainties away.
 
 use super::data::Data;
 use super::finding::Finding;

@@ -47,10 +47,10 @@ pub(super) fn findings(
 }
 
 /// Says that readings are missing where the run starts.
-pub(super) fn start_is_missing(gap: &Range<f64>) -> Finding {
-    let Range { start, end } = gap;
+pub(super) fn start_is_missing(data: &Data, gap: &Range<f64>) -> Finding {
+    let (Range { start, end }, [what, verb]) = (gap, data.lacking());
     let text = format!(
-        "telemetry is missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to the \
+        "{what} {verb} missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to the \
          rest before {start:.2} s"
     );
     Finding::slight(FindingKind::Rest, text, "")

@@ -1,4 +1,4 @@
-//! What a tilt that returns to rest leaves in the zero of the trial: an exponential with the time constant of the robot.
+//! The error of the zero from a tilt that still returns to rest: an exponential with the time constant of the robot.
 
 use super::data::Data;
 use biflag_log::RestMeta;

@@ -1,4 +1,4 @@
-//! The zero of the tilt at rest, with its noise and what of a motion may be left in it.
+//! The zero of the tilt at rest, with its noise and the possible rest of a motion.
 
 use super::budget::Term;
 use super::righting::Righting;

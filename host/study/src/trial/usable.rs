@@ -63,13 +63,13 @@ impl Data {
         (to - from > 3.0 * usual).then(|| {
             let total = gaps.iter().map(|(from, to)| to - from).sum::<f64>();
             let places = if gaps.len() == 1 { "1 place".to_owned() } else { format!("{} places", gaps.len()) };
-            let (what, bridged) = match self.origin() {
-                // A camera, for instance, has lost some of its frames.
-                Origin::Imported => ("rows of the table are", "the angles are interpolated over the gaps"),
-                _ => ("telemetry is", "the encoders' angles bridge the gaps"),
+            let [what, verb] = self.lacking();
+            let bridged = match self.origin() {
+                Origin::Imported => "the angles are interpolated over the gaps",
+                _ => "the encoders' angles bridge the gaps",
             };
             format!(
-                "{what} missing in {places}, {total:.1} s in total, the longest from {from:.1} s to {to:.1} s; {bridged}"
+                "{what} {verb} missing in {places}, {total:.1} s in total, the longest from {from:.1} s to {to:.1} s; {bridged}"
             )
         })
     }

@@ -165,7 +165,7 @@ impl Zeroed {
         let tilt_zero =
             if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data, constants)) } else { None };
         let mut rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
-        rest.extend(started.filter(|_| data.times.has_run()).map(|gap| rest::start_is_missing(&gap)));
+        rest.extend(started.filter(|_| data.times.has_run()).map(|gap| rest::start_is_missing(data, &gap)));
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let mut sensitivities = Sensitivities::new(filter_s, sensor.mounting());

@@ -155,7 +155,7 @@ biflag.Chart = class {
     const text = (column) => biflag.format(table[column]?.[idx], spec.decimals);
     const values = this.lines.map((line) => {
       const range = table[line.name + "_low"] ? ` (${text(line.name + "_low")} to ${text(line.name + "_high")})` : "";
-      return `${line.label ?? this.trial.data.own} ${text(line.name)}${range}`;
+      return `${biflag.label(line, this.trial.data)} ${text(line.name)}${range}`;
     });
     const time = table.time[idx];
     const half = (table.width ?? 0) / 2;
@@ -244,9 +244,22 @@ biflag.Chart = class {
     ctx.restore();
   }
 
+  /** Stretches in which the flagella touch or are bundled, with their colours. */
+  ribbon() {
+    const colours = { touching: "model", bundled: "bad" };
+    const { bundling } = this.trial.data;
+    const stretches = (this.spec.contact && bundling) || [];
+    return stretches.map(([from, state], i) => ({ from, to: stretches[i + 1]?.[0] ?? this.trial.end, colour: colours[state] })).filter(({ colour }) => colour);
+  }
+
   marks(u) {
     const { ctx, bbox } = u;
     ctx.save();
+    const place = (t) => Math.min(Math.max(u.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width);
+    for (const { from, to, colour } of this.ribbon()) {
+      ctx.fillStyle = biflag.colour(colour);
+      ctx.fillRect(place(from), bbox.top - 3 * devicePixelRatio, place(to) - place(from), 3 * devicePixelRatio);
+    }
     ctx.font = `${12 * devicePixelRatio}px ${biflag.colour("font")}`;
     ctx.textAlign = "center";
     for (const [time, kind] of this.trial.data.marks) {
@@ -287,6 +300,7 @@ biflag.Chart = class {
         parts.push(`<path d="${line}" stroke="${biflag.colour("grid")}"/><text ${words}>${label ?? ""}</text>`);
       });
     }
+    for (const { from, to, colour } of this.ribbon()) parts.push(`<rect x="${clip(from).toFixed(1)}" y="${top - 3}" width="${(clip(to) - clip(from)).toFixed(1)}" height="3" fill="${biflag.colour(colour)}"/>`);
     const id = `clip-${this.trial.id}-${this.name}`;
     parts.push(`<clipPath id="${id}"><rect x="${left}" y="${top}" width="${width}" height="${height}"/></clipPath><g clip-path="url(#${id})" fill="none">`);
     const path = (values) => {

@@ -2,6 +2,9 @@
 // `key`. `least` is the smallest span of the axis, so that noise is not enlarged to fill it.
 "use strict";
 
+/** The name of a curve; what both sides of a comparison are called is in the data of the trial. */
+biflag.label = ({ label }, data) => (typeof label === "function" ? label(data) : label);
+
 {
   const angle = (name, height) => ({
     table: "attitude",
@@ -10,8 +13,8 @@
     least: 1,
     height,
     lines: [
-      { name, key: "own", colour: "measured", width: 2 },
-      { name: "model_" + name, key: "model", label: "model", colour: "model", width: 2, dash: [8, 4] },
+      { name, key: "own", label: ({ own }) => own, colour: "measured", width: 2 },
+      { name: "model_" + name, key: "model", label: ({ other }) => other, colour: "model", width: 2, dash: [8, 4] },
       { name: "true_" + name, key: "truth", label: "truth", colour: "truth", width: 1.5, dash: [2, 3] },
     ],
   });
@@ -22,7 +25,7 @@
     least: 0.2,
     height: 104,
     error: true,
-    lines: [{ name: "error_" + name, key: "error_" + name, label: "model minus measured", colour: "model", width: 1.5 }],
+    lines: [{ name: "error_" + name, key: "error_" + name, label: ({ own, other }) => `${other} minus ${own}`, colour: "model", width: 1.5 }],
   });
   const force = (axis, strip) => ({
     table: "forces",

@@ -57,6 +57,19 @@ biflag.at = (time, column, t) => {
   return a + ((b - a) * (t - time[i])) / (time[i + 1] - time[i] || 1);
 };
 
+/** The value of a column of a trial's table at a time. */
+biflag.valueAt = (trial, table, column, time) => biflag.at(trial.tables[table].time, trial.tables[table][column], time);
+
+/** Writes the values at a time into the outputs of a trial: each names a table, a column and the decimals. */
+biflag.readOut = (trial, time, timeDecimals) => {
+  for (const output of trial.outputs) {
+    const [table, column, decimals] = output.dataset.out.split(" ");
+    if (table === "time") output.textContent = `${time.toFixed(timeDecimals)} s`;
+    else if (table === "phase") output.textContent = trial.data.phases.findLast(([, from]) => from <= time + 1e-6)?.[0] ?? "–";
+    else output.textContent = biflag.format(biflag.valueAt(trial, table, column, time), Number(decimals));
+  }
+};
+
 /** A number with a proper minus sign; a dash for a missing value. */
 biflag.format = (value, decimals) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";

@@ -57,10 +57,6 @@ biflag.LiveTrial = class {
     if (rows.length) this.charts.forEach((chart) => chart.grow());
   }
 
-  value(table, column, time) {
-    return biflag.at(this.tables[table].time, this.tables[table][column], time);
-  }
-
   /** Moves the robot on with the clock, up to the last row. */
   step(now = performance.now()) {
     const last = this.tables.attitude.time.at(-1) ?? 0;
@@ -76,16 +72,7 @@ biflag.LiveTrial = class {
   show() {
     this.scene.draw(this.time);
     for (const chart of this.charts) chart.point(this.time);
-    this.read(this.time);
-  }
-
-  read(time) {
-    for (const output of this.outputs) {
-      const [table, column, decimals] = output.dataset.out.split(" ");
-      if (table === "time") output.textContent = time.toFixed(1) + " s";
-      else if (table === "phase") output.textContent = this.data.phases.at(-1)?.[0] ?? "–";
-      else output.textContent = biflag.format(this.value(table, column, time), Number(decimals));
-    }
+    biflag.readOut(this, this.time, 1);
   }
 
   toggleCurve(button) {

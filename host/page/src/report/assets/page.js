@@ -3,6 +3,11 @@
 
 {
   const trials = new Map();
+  // `page.html?embed` shows the moving robot alone, as for a frame of a website.
+  if (new URLSearchParams(location.search).has("embed")) {
+    document.documentElement.classList.add("embed");
+    document.body.classList.add("opens-first");
+  }
   const sections = [...document.querySelectorAll("section.trial[data-data]")];
   const isSession = document.body.classList.contains("session");
 

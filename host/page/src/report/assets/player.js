@@ -52,10 +52,6 @@ biflag.Trial = class {
     for (const link of this.section.querySelectorAll("[data-seek]")) link.addEventListener("click", () => this.seek(Number(link.dataset.seek)));
   }
 
-  value(table, column, time) {
-    return biflag.at(this.tables[table].time, this.tables[table][column], time);
-  }
-
   /** Shows or hides the ghost or the forces. */
   toggleSolid(name) {
     this.scene.shown[name] = !this.scene.shown[name];
@@ -133,13 +129,8 @@ biflag.Trial = class {
 
   /** The values at a time: the selected one, or the one under the pointer. */
   read(time) {
-    for (const output of this.outputs) {
-      const [table, column, decimals] = output.dataset.out.split(" ");
-      if (table === "time") output.textContent = time.toFixed(2) + " s";
-      else if (table === "phase") output.textContent = this.data.phases.findLast(([, from]) => from <= time + 1e-6)?.[0] ?? "–";
-      else output.textContent = biflag.format(this.value(table, column, time), Number(decimals));
-    }
-    const [yaw, pitch, roll] = ["yaw", "pitch", "roll"].map((name) => biflag.format(this.value("attitude", name, time), 1));
+    biflag.readOut(this, time, 2);
+    const [yaw, pitch, roll] = ["yaw", "pitch", "roll"].map((name) => biflag.format(biflag.valueAt(this, "attitude", name, time), 1));
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} seconds: yaw ${yaw}, pitch ${pitch}, roll ${roll} degrees`);
   }
 

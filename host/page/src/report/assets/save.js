@@ -87,8 +87,8 @@ biflag.svgOfCharts = (figure, charts) => {
   const text = (x, y, words, more = "") => `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}" ${more}>${escape(words)}</text>`;
   const parts = [text(8, 18, figure.querySelector("h3").textContent, `font-weight="600" font-size="14" fill="${biflag.colour("ink")}"`)];
   let [x, y] = [8, 38];
-  for (const line of charts[0].lines) {
-    const words = line.label ?? charts[0].trial.data.own;
+  const named = new Map(charts.flatMap(({ lines, trial }) => lines.map((line) => [biflag.label(line, trial.data), line])));
+  for (const [words, line] of named) {
     const colour = biflag.colour(line.colour);
     parts.push(`<path d="M${x} ${y - 4}h20" stroke="${colour}" stroke-width="2" stroke-dasharray="${line.dash ?? "none"}"/>`, text(x + 26, y, words));
     x += 44 + 7 * words.length;

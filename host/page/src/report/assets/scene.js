@@ -4,6 +4,8 @@
 
 /** Drawing the robot may take so much of a sixtieth of a second. */
 const SLOW_MS = 10;
+/** The scale of the forces is that of this force at least, mN. */
+const LEAST_SCALE_MN = 2;
 
 biflag.Scene = class {
   /** Where the robot is seen from; flat views, along an axis, have no perspective. */
@@ -54,7 +56,7 @@ biflag.Scene = class {
 
   /** Yaw, pitch and roll in radians, or null where the log has none. */
   attitude(prefix, time) {
-    const angles = ["yaw", "pitch", "roll"].map((name) => this.trial.value("attitude", prefix + name, time));
+    const angles = ["yaw", "pitch", "roll"].map((name) => biflag.valueAt(this.trial, "attitude", prefix + name, time));
     return angles.includes(null) || angles.includes(undefined) ? null : angles.map((angle) => (angle * Math.PI) / 180);
   }
 
@@ -135,12 +137,12 @@ biflag.Scene = class {
   /** The forces of both flagella at a time, mN. */
   forces(time) {
     if (!this.strongest || !this.shown.forces) return [];
-    return [1, 2].map((k) => ["x", "y", "z"].map((axis) => this.trial.value("forces", axis + k, time)));
+    return [1, 2].map((k) => ["x", "y", "z"].map((axis) => biflag.valueAt(this.trial, "forces", axis + k, time)));
   }
 
-  /** Metres of an arrow for each mN: the largest force is a third as long as the robot. */
+  /** Metres of an arrow for each mN: the largest force is a third as long as the robot. Arrows of a robot at rest stay short. */
   metresPerMn() {
-    return (0.33 * this.robots[0].reach) / (this.strongest || 1);
+    return (0.33 * this.robots[0].reach) / Math.max(this.strongest, LEAST_SCALE_MN);
   }
 
   /** Without WebGL: the outline of the base, and the centre lines. */

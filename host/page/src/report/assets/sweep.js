@@ -1,5 +1,5 @@
-// The page of a swept table: one result over two inputs as a map with contours or as lines, and a slider for each other
-// input.
+// The page of a swept table: one result over two inputs as a map or as lines, and a slider for each other input. A map has
+// cells and contours where its points fill a grid, and a dot for each point elsewhere.
 "use strict";
 
 biflag.SweepMap = class {
@@ -8,41 +8,18 @@ biflag.SweepMap = class {
   static DIVERGING = ["2166ac", "4393c3", "92c5de", "d1e5f0", "f7f7f7", "fddbc7", "f4a582", "d6604d", "b2182b"];
   /** Curves: the colours of Okabe and Ito, for any colour vision; later ones are dashed. */
   static CURVES = ["0072b2", "d55e00", "009e73", "cc79a7", "8a6d00", "5a6570"];
-  /** More distinct values than this make no cells, and no steps of a slider: these become tenths of the points. */
-  static MOST_STEPS = 60;
   /** The largest number of curves in a drawing. */
   static MOST_CURVES = 12;
-  static STATES = ["steady", "beating", "unstable", "two motions", "not found"];
 
   constructor(element) {
     this.element = element;
-    const { inputs, results, states } = JSON.parse(document.getElementById(element.dataset.data).textContent);
-    // Numbers of 32 bits have seven digits.
-    const value = (v) => (Number.isNaN(v) ? null : Number(v.toPrecision(7)));
-    const column = (packed) => ({ ...packed, values: biflag.numbers(packed.values).map(value) });
-    this.inputs = inputs.map(column).map((input) => ({ ...input, steps: biflag.SweepMap.steps(input.values) }));
-    this.results = results.map(column);
-    this.states = states;
+    this.swept = new biflag.Swept(JSON.parse(document.getElementById(element.dataset.data).textContent));
     this.choices = Object.fromEntries(["x", "y", "value", "view"].map((name) => [name, element.querySelector(`[name=${name}]`)]));
-    for (const select of Object.values(this.choices)) select.addEventListener("change", () => this.rebuild());
+    for (const name of ["x", "y"]) this.choices[name].addEventListener("change", () => this.chooseAxes());
+    for (const name of ["value", "view"]) this.choices[name].addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(element.querySelector("figure"));
+    this.axes = this.swept.bestAxes();
     this.rebuild();
-  }
-
-  /** The values that a slider stops at: each distinct one, or tenths of the points as ranges. */
-  static steps(values) {
-    const sorted = [...new Set(values)].filter((value) => value !== null).sort((a, b) => a - b);
-    if (sorted.length <= biflag.SweepMap.MOST_STEPS) return sorted.map((value) => ({ from: value, to: value }));
-    const at = (share) => sorted[Math.min(Math.floor(share * sorted.length), sorted.length - 1)];
-    return Array.from({ length: 10 }, (_, i) => ({ from: at(i / 10), to: at((i + 1) / 10) }));
-  }
-
-  /** The step that most points have, the middle one of equals: in a sweep of one input at a time, that of the robot itself. */
-  static commonest(values, steps) {
-    const counts = new Map();
-    for (const value of values) counts.set(value, (counts.get(value) ?? 0) + 1);
-    const count = ({ from }) => counts.get(from) ?? 0;
-    return steps.reduce((best, step, i) => (count(step) > count(steps[best]) ? i : best), steps.length >> 1);
   }
 
   static text(value) {
@@ -72,55 +49,96 @@ biflag.SweepMap = class {
     return Array.from({ length: Math.max(Math.floor(high / step + 1e-9) - first + 1, 0) }, (_, i) => Number(((first + i) * step).toPrecision(7)));
   }
 
-  chosen(name) {
-    const { value } = this.choices[name];
-    return (name === "value" ? this.results : this.inputs).find((column) => column.name === value);
+  /** Takes over the chosen axes; they change places if one is chosen for both. */
+  chooseAxes() {
+    const axes = ["x", "y"].map((axis) => this.swept.inputs.find((input) => input.name === this.choices[axis].value));
+    this.axes = axes[0] === axes[1] ? this.axes.toReversed() : axes;
+    this.rebuild();
   }
 
   /** Makes the sliders of the inputs that are no axis. */
   rebuild() {
-    const others = this.inputs.filter((input) => ![this.choices.x.value, this.choices.y.value].includes(input.name));
-    const place = this.element.querySelector(".sliders");
-    place.replaceChildren(...others.map((input) => {
+    this.axes.forEach((input, i) => (this.choices["xy"[i]].value = input.name));
+    /** The step of each slider; -1 for all. */
+    this.steps = this.swept.usual(...this.axes, this.swept.rows).steps;
+    this.shows = [...this.steps].map(([input, usual]) => {
       const label = document.createElement("label");
       const output = document.createElement("output");
-      // Scattered points have no common values: at first all are shown.
-      const isScattered = input.steps[0].from !== input.steps[0].to;
-      const slider = Object.assign(document.createElement("input"), { type: "range", min: isScattered ? -1 : 0, max: input.steps.length - 1 });
-      input.usual = isScattered ? -1 : biflag.SweepMap.commonest(input.values, input.steps);
-      input.step ??= input.usual;
-      slider.addEventListener("input", () => {
-        input.step = Number(slider.value);
-        // Not every combination was computed: then only this input leaves its usual value.
-        if (!this.rows().length) for (const other of others) if (other !== input) other.step = other.usual;
-        for (const other of others) other.show();
-        this.draw();
-      });
-      input.show = () => {
-        slider.value = input.step;
-        const step = input.steps[input.step];
+      const slider = Object.assign(document.createElement("input"), { type: "range", min: Math.min(usual, 0), max: input.steps.length - 1 });
+      slider.addEventListener("input", () => this.move(input, Number(slider.value)));
+      label.append(`${input.label} `, slider, output);
+      const show = () => {
+        slider.value = this.steps.get(input);
+        const step = input.steps[slider.value];
         const { text } = biflag.SweepMap;
         output.textContent = !step ? "all" : step.from === step.to ? text(step.from) : `${text(step.from)} to ${text(step.to)}`;
       };
-      input.show();
-      label.append(`${input.label} `, slider, output);
-      return label;
-    }));
-    this.others = others;
+      return { label, show };
+    });
+    this.element.querySelector(".sliders").replaceChildren(...this.shows.map(({ label }) => label));
+    this.follow();
+  }
+
+  /** Moves a slider. Not every combination was computed: the others go to the steps of the point that has most of theirs. */
+  move(input, step) {
+    this.steps.set(input, step);
+    if (!this.rows().length) {
+      const has = (other, row) => [-1, other.stepOf[row]].includes(this.steps.get(other));
+      const { values } = this.result();
+      const possible = this.swept.rows.filter((row) => values[row] !== null && has(input, row));
+      const kept = (row) => [...this.steps.keys()].filter((other) => has(other, row)).length;
+      const nearest = possible.reduce((best, row) => (kept(row) > kept(best) ? row : best), possible[0]);
+      for (const other of this.steps.keys()) if (possible.length && !has(other, nearest)) this.steps.set(other, other.stepOf[nearest]);
+    }
+    this.follow();
+  }
+
+  /** Everything that follows the sliders. */
+  follow() {
+    for (const { show } of this.shows) show();
     this.draw();
   }
 
-  /** The rows that the sliders choose: both inputs, the result, and the number of the row. */
+  result() {
+    return this.swept.results.find(({ name }) => name === this.choices.value.value);
+  }
+
+  /** The rows that the sliders choose and that have a result. */
   rows() {
-    const [x, y, value] = ["x", "y", "value"].map((name) => this.chosen(name).values);
-    const isChosen = (i) => this.others.every(({ values, steps, step }) => step < 0 || (values[i] >= steps[step].from && values[i] <= steps[step].to));
-    return value.map((v, i) => [x[i], y[i], v, i]).filter(([a, b, v, i]) => a !== null && b !== null && v !== null && isChosen(i));
+    const { values } = this.result();
+    const chosen = [...this.steps].filter(([, step]) => step >= 0);
+    return this.swept.rows.filter((row) => values[row] !== null && chosen.every(([input, step]) => input.stepOf[row] === step));
+  }
+
+  /** What is drawn at each place: both inputs, the mean of the results there, their number, and the least steady of their states. */
+  points(rows) {
+    const [[x, y], { values }] = [this.axes, this.result()];
+    const places = new Map();
+    for (const row of rows) {
+      const [a, b] = [x.values[row], y.values[row]];
+      if (a === null || b === null) continue;
+      const point = places.get(`${a},${b}`) ?? { a, b, step: y.stepOf[row], sum: 0, count: 0, state: -1 };
+      point.sum += values[row];
+      point.count += 1;
+      point.state = Math.max(point.state, this.swept.states[row]);
+      places.set(`${a},${b}`, point);
+    }
+    return [...places.values()].map(({ sum, ...point }) => ({ ...point, v: Number((sum / point.count).toPrecision(7)) }));
+  }
+
+  /** A point in words. */
+  words({ a, b, v, count, state }) {
+    const { text, escaped } = biflag.SweepMap;
+    const [x, y] = this.axes;
+    const of = count > 1 ? `, mean of ${count} points` : "";
+    return `<title>${escaped(`${x.label} ${text(a)}; ${y.label} ${text(b)}: ${text(v)}${of}${state > 0 ? `, ${this.swept.kinds[state]}` : ""}`)}</title>`;
   }
 
   draw() {
     const figure = this.element.querySelector("figure");
-    const [x, y, value] = ["x", "y", "value"].map((name) => this.chosen(name));
+    const [[x, y], value] = [this.axes, this.result()];
     const rows = this.rows();
+    const points = this.points(rows);
     const isLines = this.choices.view.value === "lines";
     const [of, over, and] = [value, x, y].map(({ label }) => label.split(", ")[0]);
     const title = isLines ? `${of} over ${over}, for each ${and}` : `${of} over ${over} and ${and}`;
@@ -128,18 +146,25 @@ biflag.SweepMap = class {
     // On a phone the drawing is as wide as the page, so that its words stay legible.
     const width = Math.min(Math.max(figure.clientWidth - 30, 320), 760);
     const svg = figure.querySelector("svg");
-    const box = { width, height: Math.round(0.55 * width) + 110, left: 62, top: 14, bottom: 48, right: isLines ? 16 : 84 };
+    const box = { width, height: Math.round(0.55 * width) + 110, top: 14, bottom: 48, right: isLines ? 16 : 84 };
     svg.setAttribute("viewBox", `0 0 ${box.width} ${box.height}`);
-    svg.innerHTML = isLines ? this.lines(box, x, y, value, rows) : this.map(box, x, y, value, rows);
+    svg.innerHTML = isLines ? this.lines(box, x, y, value, points) : this.map(box, x, y, value, points);
     svg.setAttribute("aria-label", title);
-    Object.assign(svg.dataset, { x: x.name, y: y.name, value: value.name });
-    const { text, escaped, STATES } = biflag.SweepMap;
-    const missing = this.inputs[0].values.length - value.values.filter((v) => v !== null).length;
-    const kinds = STATES.map((state, k) => [state, rows.filter(([, , , i]) => this.states[i] === k).length]).filter(([state, count]) => count && state !== "steady");
+    const isMean = points.length < rows.length;
+    Object.assign(svg.dataset, { x: x.name, y: y.name, value: isMean ? `mean_${value.name}` : value.name });
+    const { text, escaped } = biflag.SweepMap;
+    const missing = this.swept.states.length - value.values.filter((v) => v !== null).length;
+    const kinds = this.swept.kinds.map((kind, k) => {
+      const count = rows.filter((row) => this.swept.states[row] === k).length;
+      return count && k ? `${count} ${kind}${this.swept.isUnknown(k) && !isLines ? ", with a ring" : ""}` : "";
+    });
+    const isDots = !isLines && !this.hasCells;
     const words = [
       value.about && `${value.label}: ${value.about}.`,
-      `${rows.length} of ${this.inputs[0].values.length} points; ${missing} of the table without a value.`,
-      kinds.length && `Not steady, with a mark: ${kinds.map(([state, count]) => `${count} ${state}`).join(", ")}.`,
+      `${rows.length} of ${this.swept.states.length} points${isDots ? ", a dot each" : ""}; ${missing} of the table without a value.`,
+      isMean && `Where several points lie at one place, it shows their mean: ${rows.length} points at ${points.length} places.`,
+      kinds.some(Boolean) && `Not steady${isLines ? ", with an empty mark" : ""}: ${kinds.filter(Boolean).join(", ")}.`,
+      isLines && this.every > 1 && `A curve for one of every ${this.every} values of ${and}.`,
       !isLines && "The colours span the whole table.",
       this.contoured && `Contours every ${text(this.contoured)}, that of zero thicker; straight between neighbours.`,
     ];
@@ -147,44 +172,50 @@ biflag.SweepMap = class {
   }
 
   /** An axis: where a value lies, its ticks, and the size of its cells. */
-  static axis(column, from, to, spacing) {
-    const isGrid = column.steps[0].from === column.steps[0].to;
+  static axis(column, isGrid, from, to, spacing) {
     const [low, high] = biflag.SweepMap.range(column.values);
     // Cells are even, whatever the spacing of the values; dots are where their values are.
     const cell = isGrid ? (to - from) / column.steps.length : 0;
     const place = isGrid
       ? (v) => from + (column.steps.findIndex((step) => step.from === v) + 0.5) * cell
       : (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from);
-    const all = isGrid ? column.steps.map((step) => step.from) : biflag.SweepMap.round(low, high, Math.abs(to - from) / (1.6 * spacing));
+    const all = isGrid ? column.steps.map((step) => step.from) : biflag.SweepMap.round(low, high, Math.abs(to - from) / (3 * spacing));
     const every = isGrid ? Math.ceil((all.length * spacing) / Math.abs(to - from)) : 1;
     // Zero is among the ticks if it is on the axis.
     const zero = Math.max(all.indexOf(0), 0);
     return { place, ticks: all.filter((_, i) => i % every === zero % every), cell: Math.abs(cell) };
   }
 
-  map(box, x, y, value, rows) {
-    const { text, escaped, mix, VIRIDIS, DIVERGING, axis } = biflag.SweepMap;
-    const { width, height, left, top, right, bottom } = box;
-    const [across, up] = [axis(x, left, width - right, 40), axis(y, height - bottom, top, 16)];
+  /** Where the drawing begins: beside the words of its vertical axis and the longest tick. */
+  static leftOf(ticks) {
+    return 29 + 6.6 * Math.max(5, ...ticks.map((v) => biflag.SweepMap.text(v).length));
+  }
+
+  map(box, x, y, value, points) {
+    const { text, mix, VIRIDIS, DIVERGING, axis, leftOf } = biflag.SweepMap;
+    const { width, height, top, right, bottom } = box;
+    this.hasCells = this.swept.isGrid(x, y, points.length);
+    const up = axis(y, this.hasCells, height - bottom, top, 16);
+    const left = (box.left = leftOf(up.ticks));
+    const across = axis(x, this.hasCells, left, width - right, 40);
     // The scale is that of the whole table, so that the sliders do not change it.
     const [least, most] = biflag.SweepMap.range(value.values);
     const isSigned = least < 0 && most > 0;
     const end = Math.max(-least, most);
     const [low, high] = isSigned ? [-end, end] : [least, most];
     const colour = (v) => mix(isSigned ? DIVERGING : VIRIDIS, (v - low) / (high - low || 1));
-    const isCells = across.cell > 0 && up.cell > 0;
-    const marks = rows.map(([a, b, v, i]) => {
-      const [cx, cy] = [across.place(a), up.place(b)];
-      const state = this.states[i] > 0 ? `, ${biflag.SweepMap.STATES[this.states[i]]}` : "";
-      const words = `<title>${escaped(`${x.label} ${text(a)}; ${y.label} ${text(b)}: ${text(v)}${state}`)}</title>`;
-      const shape = isCells
+    // Dots cover a third of the map at most.
+    const radius = Math.min(Math.max(Math.sqrt(((width - left - right) * (height - top - bottom)) / (9 * points.length)), 1.5), 6);
+    const marks = points.map((point) => {
+      const [cx, cy] = [across.place(point.a), up.place(point.b)];
+      const shape = this.hasCells
         ? `rect x="${(cx - across.cell / 2).toFixed(1)}" y="${(cy - up.cell / 2).toFixed(1)}" width="${across.cell.toFixed(1)}" height="${up.cell.toFixed(1)}"`
-        : `circle cx="${cx.toFixed(1)}" cy="${cy.toFixed(1)}" r="4"`;
-      return `<${shape} data-at="${a},${b},${v}" fill="${colour(v)}">${words}</${isCells ? "rect" : "circle"}>`;
+        : `circle class="dot" cx="${cx.toFixed(1)}" cy="${cy.toFixed(1)}" r="${radius.toFixed(1)}"`;
+      return `<${shape} data-at="${point.a},${point.b},${point.v}" fill="${colour(point.v)}">${this.words(point)}</${this.hasCells ? "rect" : "circle"}>`;
     });
-    const odd = rows.filter(([, , , i]) => this.states[i] > 0).map(([a, b]) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
+    const odd = points.filter(({ state }) => this.swept.isUnknown(state)).map(({ a, b }) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
     this.contoured = 0;
-    const contours = isCells ? this.contours(x, y, rows, across, up, box) : "";
+    const contours = this.hasCells ? this.contours(x, y, points, across, up, box) : "";
     const scale = Array.from({ length: 50 }, (_, i) => {
       const step = (height - bottom - top) / 50;
       const v = low + ((i + 0.5) / 50) * (high - low);
@@ -195,13 +226,13 @@ biflag.SweepMap = class {
   }
 
   /** Contours at round values over the nodes of a grid, straight between neighbours; the one of zero is thicker. */
-  contours(x, y, rows, across, up, { width, left, right }) {
+  contours(x, y, points, across, up, { width, left, right }) {
     const { text, range, round } = biflag.SweepMap;
     const [columns, lines] = [x.steps.length, y.steps.length];
     if (columns < 4 || lines < 4) return "";
-    const at = new Map(rows.map(([a, b, v]) => [`${a},${b}`, v]));
+    const at = new Map(points.map(({ a, b, v }) => [`${a},${b}`, v]));
     const node = (i, k) => at.get(`${x.steps[i].from},${y.steps[k].from}`);
-    const [low, high] = range(rows.map(([, , v]) => v));
+    const [low, high] = range(points.map(({ v }) => v));
     const levels = round(low, high, 8).filter((level) => level > low && level < high);
     if (levels.length < 2) return "";
     this.contoured = levels[1] - levels[0];
@@ -239,33 +270,42 @@ biflag.SweepMap = class {
   }
 
   /** The result over the first input, a curve for each value of the second. */
-  lines(box, x, y, value, rows) {
-    const { text, escaped, range, round, CURVES, MOST_CURVES, STATES } = biflag.SweepMap;
-    const { width, height, left, top, right, bottom } = box;
+  lines(box, x, y, value, points) {
+    const { text, range, round, leftOf, CURVES, MOST_CURVES } = biflag.SweepMap;
+    const { width, height, top, right, bottom } = box;
     this.contoured = 0;
-    const isGrid = y.steps[0].from === y.steps[0].to;
-    const every = Math.ceil(y.steps.length / MOST_CURVES);
-    const groups = y.steps.filter((_, i) => i % every === 0).map(({ from, to }) => ({ from, to, rows: rows.filter(([, b]) => b >= from && b <= to).sort((p, q) => p[0] - q[0]) })).filter((group) => group.rows.length);
-    const room = 15 * Math.ceil(groups.length / Math.max(Math.floor((width - left) / 90), 1));
-    const [xs, ys] = [range(rows.map(([a]) => a)), range(groups.flatMap((group) => group.rows.map(([, , v]) => v)))];
+    const isGrid = !y.isScattered;
+    this.every = isGrid ? Math.ceil(y.steps.length / MOST_CURVES) : 1;
+    // Dots have no dashes: fifths of scattered points have a colour each.
+    const each = isGrid ? 1 : 2;
+    const firsts = [...y.steps.keys()].filter((i) => i % (this.every * each) === 0);
+    const groups = firsts.map((i) => ({
+      from: y.steps[i].from,
+      to: y.steps[i + each - 1].to,
+      points: points.filter(({ step }) => step >= i && step < i + each).sort((p, q) => p.a - q.a),
+    })).filter((group) => group.points.length);
+    const name = ({ from, to }) => (isGrid ? text(from) : `${text(from)} to ${text(to)}`);
+    const perName = 36 + 6.6 * Math.max(8, ...groups.map((group) => name(group).length));
+    const perRow = Math.max(Math.floor((width - 62) / perName), 1);
+    const room = 15 * Math.ceil(groups.length / perRow);
+    const [xs, ys] = [range(points.map(({ a }) => a)), range(groups.flatMap((group) => group.points.map(({ v }) => v)))];
     const scale = ([low, high], from, to, spacing) => ({
       place: (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from),
       ticks: round(low, high, Math.abs(to - from) / spacing),
     });
-    const [across, up] = [scale(xs, left, width - right, 60), scale(ys, height - bottom, top + room, 34)];
+    const up = scale(ys, height - bottom, top + room, 34);
+    const left = (box.left = leftOf(up.ticks));
+    const across = scale(xs, left, width - right, 60);
     const grid = up.ticks.map((v) => `<path class="empty" d="M${left} ${up.place(v).toFixed(1)}H${width - right}"></path>`);
     const curves = groups.map((group, n) => {
       const stroke = `#${CURVES[n % CURVES.length]}`;
       const dash = n < CURVES.length ? "" : ' stroke-dasharray="5 3"';
-      const d = group.rows.map(([a, , v], i) => `${i ? "L" : "M"}${across.place(a).toFixed(1)} ${up.place(v).toFixed(1)}`).join("");
-      const dots = group.rows.map(([a, b, v, i]) => {
-        const state = this.states[i] > 0 ? `, ${STATES[this.states[i]]}` : "";
-        return `<circle data-at="${a},${b},${v}" cx="${across.place(a).toFixed(1)}" cy="${up.place(v).toFixed(1)}" r="3" fill="${state ? "none" : stroke}" style="stroke:${stroke};stroke-width:1.5"><title>${escaped(`${x.label} ${text(a)}; ${y.label} ${text(b)}: ${text(v)}${state}`)}</title></circle>`;
-      });
-      const [column, line] = [n % Math.floor((width - left) / 90), Math.floor(n / Math.floor((width - left) / 90))];
-      const [kx, ky] = [left + 90 * column, top + 15 * line];
-      const name = isGrid ? text(group.from) : `${text(group.from)} to ${text(group.to)}`;
-      return `${isGrid ? `<path d="${d}" fill="none" stroke="${stroke}" stroke-width="1.8"${dash}></path>` : ""}${dots.join("")}<path d="M${kx} ${ky}h20" stroke="${stroke}" stroke-width="2.5"${dash}></path><text x="${kx + 25}" y="${ky + 4}">${name}</text>`;
+      const d = group.points.map(({ a, v }, i) => `${i ? "L" : "M"}${across.place(a).toFixed(1)} ${up.place(v).toFixed(1)}`).join("");
+      const dots = group.points.map((point) => `<circle data-at="${point.a},${point.b},${point.v}" cx="${across.place(point.a).toFixed(1)}" cy="${up.place(point.v).toFixed(1)}" r="3" fill="${point.state > 0 ? "none" : stroke}" style="stroke:${stroke};stroke-width:1.5">${this.words(point)}</circle>`);
+      const [kx, ky] = [62 + perName * (n % perRow), top + 15 * Math.floor(n / perRow)];
+      const curve = isGrid ? `<path d="${d}" fill="none" stroke="${stroke}" stroke-width="1.8"${dash}></path>` : "";
+      const key = isGrid ? `<path d="M${kx} ${ky}h20" stroke="${stroke}" stroke-width="2.5"${dash}></path>` : `<circle cx="${kx + 15}" cy="${ky}" r="3" fill="${stroke}"></circle>`;
+      return `${curve}${dots.join("")}${key}<text x="${kx + 25}" y="${ky + 4}">${name(group)}</text>`;
     });
     return [...grid, ...curves, this.frame({ ...box, top: top + room }, x.label, value.label, across, up)].join("");
   }

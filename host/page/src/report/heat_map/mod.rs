@@ -16,6 +16,8 @@ pub(super) struct Point {
     pub speeds_rpm: [f64; 2],
     /// Magnitude of the angle.
     pub value_deg: f64,
+    /// Whether all trials at these speeds settled; a ring marks the others.
+    pub is_settled: bool,
     /// Anchor of the trial, if it is on the page.
     pub anchor: Option<String>,
 }
@@ -75,7 +77,9 @@ impl Map<'_> {
         let least = values().fold(f64::INFINITY, f64::min);
         let span = format!("{} from {} to {}.", self.symbol, degrees(least, 2), degrees(largest(self.points), 2));
         let shown = self.points.len();
-        match Axis::of_both(self.points) {
+        let unsettled = self.points.iter().filter(|point| !point.is_settled).count();
+        let marked = if unsettled > 0 { format!(" {unsettled} with a ring: not settled.") } else { String::new() };
+        let points = match Axis::of_both(self.points) {
             [Axis::Grid(across), Axis::Grid(down)] if shown < across.count * down.count => {
                 format!(
                     "{shown} of the {} pairs of speeds of the grid; empty cells have no value. {span}",
@@ -84,7 +88,8 @@ impl Map<'_> {
             }
             [Axis::Grid(_), Axis::Grid(_)] => format!("{shown} pairs of speeds. {span}"),
             _ => format!("{shown} pairs of speeds, one dot each. {span}"),
-        }
+        };
+        points + &marked
     }
 }
 
@@ -176,7 +181,8 @@ fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
     if !point.value_deg.is_finite() {
         return html! {};
     }
-    let text = format!("w1 {}, w2 {} rpm: {}", plain(w1), plain(w2), degrees(point.value_deg, 2));
+    let doubt = if point.is_settled { "" } else { ", not settled" };
+    let text = format!("w1 {}, w2 {} rpm: {}{doubt}", plain(w1), plain(w2), degrees(point.value_deg, 2));
     let at = format!("{w1},{w2},{:.6}", point.value_deg);
     let (x, y, fill) = (plot.x(w1), plot.y(w2), colour(point.value_deg / scale_deg));
     let shape = match plot.cell() {
@@ -188,9 +194,13 @@ fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
             html! { circle data-at=(at) cx=(short(x)) cy=(short(y)) r=(DOT_RADIUS) fill=(fill) { title { (text) } } }
         }
     };
+    let marked = html! {
+        (shape)
+        @if !point.is_settled { circle.odd cx=(short(x)) cy=(short(y)) r="2.2" {} }
+    };
     match &point.anchor {
-        Some(anchor) => html! { a href={ "#" (anchor) } aria-label=(text) { (shape) } },
-        None => shape,
+        Some(anchor) => html! { a href={ "#" (anchor) } aria-label=(text) { (marked) } },
+        None => marked,
     }
 }
 
@@ -222,6 +232,7 @@ mod tests {
         let point = |i: i32, k: i32| Point {
             speeds_rpm: [f64::from(i) * 10.0, f64::from(k) * 15.0],
             value_deg: f64::from(i * k),
+            is_settled: true,
             anchor: None,
         };
         (0..columns).flat_map(|i| (0..rows).map(move |k| point(i, k))).collect()
@@ -272,14 +283,16 @@ mod tests {
             .map(|i| Point {
                 speeds_rpm: [f64::from(i * i) * 1.13, 90.0 - f64::from(i) * 7.01],
                 value_deg: f64::from(i),
+                is_settled: i != 4,
                 anchor: Some(format!("trial-{i}")),
             })
             .collect();
         let (map, caption) = map(&points);
-        assert_eq!((map.matches("<circle").count(), map.matches("<a href").count()), (9, 9));
-        assert_eq!(caption, "9 pairs of speeds, one dot each. |ψ| from 0.00° to 8.00°.");
+        assert_eq!((map.matches("<circle data-at").count(), map.matches("<a href").count()), (9, 9));
+        assert_eq!((map.matches("circle class=\"odd\"").count(), map.matches("°, not settled").count()), (1, 2));
+        assert_eq!(caption, "9 pairs of speeds, one dot each. |ψ| from 0.00° to 8.00°. 1 with a ring: not settled.");
         let place = |name: &str| -> Vec<f64> {
-            let marks = map.split("<circle").skip(1);
+            let marks = map.split("<circle data-at").skip(1);
             marks
                 .map(|mark| {
                     mark.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()

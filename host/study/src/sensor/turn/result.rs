@@ -1,4 +1,4 @@
-//! What turns about an axis tell, by least squares.
+//! The result of turns about an axis, by least squares.
 
 use super::super::file::{AXES, MeasuredSensor, pair};
 use super::super::least_squares::{Fit, expanded};

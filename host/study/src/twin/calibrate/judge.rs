@@ -1,4 +1,4 @@
-//! What a fit cannot tell, and where its model does not describe the trials.
+//! Limits of a fit: parameters that the trials do not determine, and trials that the model does not describe.
 
 use super::data::FitTrial;
 use super::errors::TrialErrors;
