@@ -61,6 +61,20 @@ fn run(width_us: f64, rpm: f64, (cables, channel): (u8, u8), ms: u64) -> Run {
     run
 }
 
+/// Spikes that last longer than the time in which the board expects them turn the direction of some edges, where C1 has none.
+#[test]
+fn pwm_spikes_that_are_too_long_are_noticed() {
+    for (width_us, rpm) in [(30.0, 50.0), (45.0, 17.3)] {
+        let run = run(width_us, rpm, (2, 2), 3000);
+        row(
+            format!("PWM spikes of {width_us} us on C2, a cable each, {rpm} rpm"),
+            format!("{:?}, speed off by {:.0} %; {:.0} glitches/s", run.fault, 100.0 * run.turned, run.glitches_hz),
+            "10 glitches in 3 s",
+        );
+        assert!(run.glitches_hz > 10.0 / 3.0, "{}", run.glitches_hz);
+    }
+}
+
 #[test]
 fn pwm_spikes_leave_speed_and_position_right_or_are_a_fault() {
     let whole = std::env::var_os("SPIKES_WHOLE").is_some();
