@@ -86,6 +86,7 @@ mod tests {
     use super::*;
     use crate::export::csv;
 
+    #[cfg(feature = "parquet")]
     #[test]
     fn tables_are_read_as_they_were_written() {
         let column = |name: &'static str, unit: &'static str, values| Column {
