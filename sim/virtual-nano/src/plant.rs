@@ -347,8 +347,8 @@ mod tests {
             let turned = (end * begun.inverse()).scaled_axis().dot(&axis.at(yaw)).to_degrees();
             let missed = integrated.angle_to(&end).to_degrees();
             println!("{axis:?}: {turned:.2} deg after 0.6 s, {missed:.3} deg off by the rate, {off_g:.4} g off");
-            // Tether and weight begin to bring it back, and the flagella swing it by some degrees.
-            assert!((turned / angle_deg - 1.0).abs() < 0.16, "{axis:?}: {turned}");
+            // The tether brings it back within seconds, and the flagella swing it by some degrees.
+            assert!((0.6..1.2).contains(&(turned / angle_deg)), "{axis:?}: {turned}");
             assert!(missed < 0.3 && off_g < 0.2, "{axis:?}: {missed} deg, {off_g} g");
             let samples = plant.take_samples();
             let fastest = samples.iter().map(|sample| Vector3::from(sample.rate_rad_s).norm()).fold(0.0, f64::max);
