@@ -16,7 +16,7 @@
 //! During the run, noise adds an angle random walk: a standard deviation of N √t after a time t. N is estimated from the
 //! scatter of the mean rates of blocks at rest, and is at least that of the data sheet; of a measured sensor it is known.
 
-use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of, returning, variance_after_run};
+use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
 use super::smoother::{Motions, Rotation, Stretch, Target, rotation};
 use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
@@ -117,29 +117,25 @@ impl Drift {
         let weights = verticals(series, &times, step.max(GRID_S));
         let target =
             |axis: usize| Target { times: &times, weights: &weights[axis], from_s, bias_noise: rest.bias_noise[axis] };
-        let bias = yaw.rate(before.clone())?;
-        let stretches = |range: &Range<f64>, of: &dyn Fn(&Range<f64>, f64) -> f64| -> Vec<Stretch> {
-            let stretch = |(range, rate): (Range<f64>, f64)| Stretch {
-                variance: of(&range, rate),
-                tilt_dps: tilt_dps(series, &range),
-                rate,
-                range,
-            };
-            blocks_of(yaw, range).into_iter().flatten().map(stretch).collect()
-        };
         let variance = angle_walk.powi(2);
-        let mut of_yaw = stretches(&before, &|range, _| variance / (range.end - range.start));
-        let returned = returning(yaw, &rest.after, angle_walk, bias).or(after);
-        if let Some(after) = &returned {
-            of_yaw.extend(stretches(after, &|range, rate| variance_after_run(range, rate - bias, angle_walk)));
-        }
+        let stretches: Vec<Stretch> = (still.iter())
+            .filter_map(|range| blocks_of(yaw, range))
+            .flat_map(|blocks| {
+                blocks.into_iter().map(|(range, rate)| Stretch {
+                    variance: variance / (range.end - range.start),
+                    tilt_dps: tilt_dps(series, &range),
+                    rate,
+                    range,
+                })
+            })
+            .collect();
         let motions = Motions {
             run_s: rest.before.end,
             stop_s: rest.after.start,
-            after_s: returned.map_or(rest.before.end, |range| range.start),
+            after_s: after.map_or(rest.before.end, |range| range.start),
             time_constant_s: rest.time_constant_s,
         };
-        let mut found = vec![rotation(&of_yaw, series.temperature(), &target(2), Some(&motions))?];
+        let mut found = vec![rotation(&stretches, series.temperature(), &target(2), Some(&motions))?];
         let residual_dps = found[0].residual_dps;
         let lateral = lateral_stretches(series, rest, &still, variance);
         for axis in 0..2 {

@@ -3,14 +3,11 @@
 //! After a run the robot returns slowly to rest in the glycerin: with a time constant of 6 s the yaw still turns at
 //! some hundredths of a degree per second after half a minute, which is as fast as the drift. The motion is overdamped,
 //! so that one exponential remains at the end: the rate of the yaw is r + A exp(-t/τ), where r is the bias. The part of
-//! the phase in which this holds is the longest one whose residuals are as small as the noise. Before it, a second, faster
-//! exponential is left, and the rates are far above the noise: they tell τ, but no motion is exponential to better than a
-//! share of its own rate.
+//! the phase in which this holds is the longest one whose residuals are as small as the noise.
 
 use super::Track;
-use super::smoother::FAST_S;
 use crate::statistics::variance_ratio;
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
 
 /// Length of the blocks, s.
@@ -42,19 +39,6 @@ const SLOWEST: f64 = 2.0;
 
 /// Largest residual of a return to rest, relative to the noise.
 const QUIET: f64 = 1.4;
-
-/// Time after the run in which the motors stop and all motions but two end, s.
-const HIDDEN_S: f64 = 4.0;
-
-/// Fewest blocks of a return to rest that is described by two exponentials, which have five parameters.
-const MIN_RETURN_BLOCKS: usize = 6;
-
-/// Standard deviation of the rate of a return to rest about two exponentials, relative to itself. Assumed: a robot in glycerin
-/// returns in proportion to what is left, which is some degrees by then.
-const SHAPE: f64 = 0.02;
-
-/// Ratio of neighbouring time constants that are tried.
-const STEP: f64 = 1.1;
 
 /// The scatter of rates: the sum of its squares, times the length of the blocks, and its degrees of freedom.
 type Scatter = (f64, f64);
@@ -129,49 +113,6 @@ pub(super) fn after_run(yaw: Track, range: Range<f64>, walk: f64) -> Option<Rang
         start += BLOCK_S / 2.0;
     }
     None
-}
-
-/// Returns the variance of the mean rate over a block after a run, of which `moved` is the motion, °/s. `walk`: angle random
-/// walk, °/√s.
-pub(super) fn variance_after_run(block: &Range<f64>, moved: f64, walk: f64) -> f64 {
-    walk.powi(2) / (block.end - block.start) + (SHAPE * moved).powi(2)
-}
-
-/// Returns the longest part at the end of `range` in which two exponentials describe the return to rest; `None` if it is too
-/// short for them. `bias`: about the rate at rest, °/s.
-pub(super) fn returning(yaw: Track, range: &Range<f64>, walk: f64, bias: f64) -> Option<Range<f64>> {
-    let end = range.end.min(yaw.span().end);
-    let step = 0.5 * BLOCK_S.max((end - range.start) / MOST_BLOCKS);
-    let mut start = range.start + HIDDEN_S;
-    while end - start >= MIN_RETURN_BLOCKS as f64 * BLOCK_S {
-        let blocks = blocks(yaw, &(start..end), BLOCK_S, MIN_RETURN_BLOCKS)?;
-        let freedom = blocks.len() as f64 - 5.0;
-        if two_exponentials(&blocks, walk, bias).is_some_and(|squares| squares / freedom < QUIET.powi(2)) {
-            return Some(start..end);
-        }
-        start += step;
-    }
-    None
-}
-
-/// Returns the least sum of the squares of the residuals about two exponentials, relative to their standard deviations.
-fn two_exponentials(blocks: &[(Range<f64>, f64)], walk: f64, bias: f64) -> Option<f64> {
-    let first_s = blocks.first()?.0.start;
-    let length = blocks.last()?.0.end - first_s;
-    let weights: Vec<f64> =
-        blocks.iter().map(|(block, rate)| 1.0 / variance_after_run(block, rate - bias, walk).sqrt()).collect();
-    let rates = DVector::from_fn(blocks.len(), |i, _| weights[i] * (blocks[i].1 - bias));
-    let squares = |slow_s: f64, fast_s: f64| {
-        let columns = DMatrix::from_fn(blocks.len(), 3, |i, k| {
-            let passed = blocks[i].0.start - first_s;
-            weights[i] * [1.0, (-passed / slow_s).exp(), (-passed / fast_s).exp()][k]
-        });
-        let solution = (columns.transpose() * &columns).cholesky()?.solve(&(columns.transpose() * &rates));
-        Some((&rates - columns * solution).norm_squared())
-    };
-    let slow = std::iter::successors(Some(STEP * FAST_S[FAST_S.len() - 1]), |tau| Some(STEP * tau));
-    let pairs = slow.take_while(|tau| *tau < SLOWEST * length).flat_map(|slow| FAST_S.map(|fast| (slow, fast)));
-    pairs.filter_map(|(slow, fast)| squares(slow, fast)).min_by(f64::total_cmp)
 }
 
 /// Returns the scatter of the rates of a return to rest about r + A exp(-t/τ).
