@@ -14,6 +14,7 @@ mod heat_map;
 mod live_page;
 mod parameters;
 mod repeats;
+mod rows;
 mod session_page;
 pub(crate) mod shapes;
 mod small_multiples;
@@ -23,6 +24,7 @@ mod text;
 mod trial_section;
 mod view;
 mod warnings;
+mod yaw_curve;
 
 pub use budget::ByteBudget;
 pub use live_page::{live_maps, live_page};
@@ -33,7 +35,7 @@ use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
 use rayon::prelude::*;
-use session_page::{Row, RowState};
+use rows::{Row, RowState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use study::output::{self, OutputError};
@@ -176,7 +178,7 @@ pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
 }
 
 fn page_of_log(view: &View) -> Markup {
-    let id = session_page::anchor(0);
+    let id = rows::anchor(0);
     let body = html! {
         main { (trial_section::section(view, &id, false)) }
         (footer(view))
@@ -220,7 +222,7 @@ fn of_session(
         Row { name: trial.name.clone(), speeds_rpm, state }
     };
     let rows: Vec<Row> = states.par_iter().map(row).collect();
-    let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
+    let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((rows::anchor(i), row.view()?)));
     let of_session = session_page::Session {
         folder: session.folder(),
         plan: session.plan(),

@@ -3,6 +3,7 @@
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
 use super::repeats;
+use super::rows::{Row, RowState, anchor, verdict};
 use super::small_multiples;
 use super::text::{clip, count, number, plain};
 use super::trial_section::{answer, notices, tile, warnings};
@@ -14,40 +15,6 @@ use study::plan::Plan;
 use study::text::word;
 use study::trial::{AtSpeeds, mean_of_repeats, scatter_of_repeats};
 use study::twin::SessionComparison;
-
-/// A trial of a session.
-#[derive(Clone, Debug)]
-pub(super) struct Row {
-    /// Its name in the plan.
-    pub name: String,
-    pub speeds_rpm: [f64; 2],
-    pub state: RowState,
-}
-
-/// State of a trial on the page.
-#[derive(Clone, Debug)]
-pub(super) enum RowState {
-    /// It is on the page.
-    Shown(Box<View>),
-    /// It has no log yet.
-    Missing,
-    /// Its log cannot be read, and why.
-    Unreadable(String),
-}
-
-impl Row {
-    pub fn view(&self) -> Option<&View> {
-        match &self.state {
-            RowState::Shown(view) => Some(view),
-            _ => None,
-        }
-    }
-}
-
-/// Returns the anchor of the `i`-th trial.
-pub(super) fn anchor(i: usize) -> String {
-    format!("trial-{}", i + 1)
-}
 
 /// Most trials of a session whose page opens the first of them.
 pub(super) const OPENS_FIRST: usize = 8;
@@ -265,17 +232,6 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
                 tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, comparison, columns)) } }
             }
         }
-    }
-}
-
-/// Returns whether a trial differs from what it is compared with, in a few words.
-pub(super) fn verdict(view: &View, session: Option<&SessionComparison>) -> Option<&'static str> {
-    let trial = session?.trials.iter().find(|trial| trial.name == view.name)?;
-    match (trial.differences.is_empty(), trial.transients_agree()) {
-        (false, _) if trial.is_beyond_chance => Some("differs, beyond chance"),
-        (false, _) => Some("differs"),
-        (true, false) => Some("transient differs"),
-        (true, true) => None,
     }
 }
 

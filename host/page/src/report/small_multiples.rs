@@ -1,37 +1,18 @@
 //! The yaw of every trial of a session, side by side on the same axes: small pictures that link to their trials.
 
-use super::session_page::{Row, anchor, verdict};
+use super::rows::{Row, anchor, verdict};
 use super::text::{clip, number};
 use super::view::View;
 use maud::{Markup, html};
-use study::trial::{Data, Zeroed};
-use study::twin::{Compared, SessionComparison};
+use study::twin::SessionComparison;
 
-/// The most points of a curve, and the most pictures.
-const MOST_POINTS: usize = 90;
+/// The most pictures.
 const MOST_TRIALS: usize = 60;
 
 const WIDTH: f64 = 150.0;
 const HEIGHT: f64 = 64.0;
 /// Room at the edges of a picture, so that lines are not cut.
 const EDGE: f64 = 2.0;
-
-/// The yaw over the run of a trial: the time from its start (s), the trial's own yaw, and that of the other side (degrees, NaN
-/// where there is none).
-pub(super) fn curve(data: &Data, zeroed: &Zeroed, compared: Option<&Compared>) -> Vec<[f64; 3]> {
-    let run_s = data.times.run.end - data.times.run.start;
-    let all: Vec<[f64; 3]> = match compared {
-        Some(compared) => {
-            compared.points.iter().map(|point| [point.time_s, point.measured_deg[0], point.modelled_deg[0]]).collect()
-        }
-        None => {
-            let times = zeroed.angles_deg.time_s.iter().enumerate();
-            times.map(|(i, time)| [time - zeroed.run.start, zeroed.angles_deg.row(i)[0], f64::NAN]).collect()
-        }
-    };
-    let in_run: Vec<[f64; 3]> = all.into_iter().filter(|[time, ..]| (0.0..=run_s).contains(time)).collect();
-    in_run.iter().step_by(in_run.len().div_ceil(MOST_POINTS).max(1)).copied().collect()
-}
 
 /// Returns the pictures of a session of two trials or more.
 pub(super) fn section(rows: &[Row], comparison: Option<&SessionComparison>) -> Markup {

@@ -5,8 +5,8 @@
 
 use super::budget::ByteBudget;
 use super::curves::Curves;
-use super::small_multiples;
 use super::warnings::{Warning, warnings};
+use super::yaw_curve;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
@@ -109,7 +109,7 @@ impl View {
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
             borrowed_forces: data.forces.is_empty() && other.is_some_and(|other| !other.forces.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
-            curve: small_multiples::curve(data, &zeroed, compared.map(|(compared, _)| compared)),
+            curve: yaw_curve::curve(data, &zeroed, compared.map(|(compared, _)| compared)),
             is_complete: data.is_complete(),
             data: Value::Null,
             records: data.records.clone(),
