@@ -20,7 +20,7 @@ help:
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
-	@echo "make dist-arm64  the same for a Raspberry Pi: cross-built, and run under QEMU; some minutes"
+	@echo "make dist-arm64  the same for a Raspberry Pi: cross-built, and the model run under QEMU; some minutes"
 	@echo "make wheel     the Python package as a wheel for any Linux; some minutes"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format and lint checks"
