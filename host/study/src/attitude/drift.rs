@@ -16,8 +16,10 @@
 //! During the run, noise adds an angle random walk: a standard deviation of N √t after a time t. N is estimated from the
 //! scatter of the mean rates of blocks at rest, and is at least that of the data sheet; of a measured sensor it is known.
 
+use super::decay::Decay;
 use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
-use super::smoother::{Motions, Rotation, Stretch, Target, rotation};
+use super::returns::Motions;
+use super::smoother::{Rotation, Stretch, Target, rotation};
 use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -118,24 +120,29 @@ impl Drift {
         let target =
             |axis: usize| Target { times: &times, weights: &weights[axis], from_s, bias_noise: rest.bias_noise[axis] };
         let variance = angle_walk.powi(2);
-        let stretches: Vec<Stretch> = (still.iter())
-            .filter_map(|range| blocks_of(yaw, range))
-            .flat_map(|blocks| {
-                blocks.into_iter().map(|(range, rate)| Stretch {
-                    variance: variance / (range.end - range.start),
-                    tilt_dps: tilt_dps(series, &range),
-                    rate,
-                    range,
-                })
-            })
-            .collect();
+        let decay = Decay::find(yaw, &rest.after, after, yaw.rate(before.clone())?, angle_walk);
+        let stretches = |range: &Range<f64>| {
+            let stretch = |(range, rate): (Range<f64>, f64)| Stretch {
+                variance: variance / (range.end - range.start),
+                tilt_dps: tilt_dps(series, &range),
+                rate,
+                range,
+            };
+            blocks_of(yaw, range).into_iter().flatten().map(stretch)
+        };
+        let of_decay = decay.iter().flat_map(|decay| {
+            let widened =
+                |stretch: Stretch| Stretch { variance: decay.variance(&stretch.range, stretch.rate), ..stretch };
+            stretches(&decay.range).map(widened)
+        });
+        let of_yaw: Vec<Stretch> = stretches(&before).chain(of_decay).collect();
         let motions = Motions {
             run_s: rest.before.end,
             stop_s: rest.after.start,
-            after_s: after.map_or(rest.before.end, |range| range.start),
+            after_s: decay.as_ref().map_or(rest.before.end, |decay| decay.range.start),
             time_constant_s: rest.time_constant_s,
         };
-        let mut found = vec![rotation(&stretches, series.temperature(), &target(2), Some(&motions))?];
+        let mut found = vec![rotation(&of_yaw, series.temperature(), &target(2), Some(&motions))?];
         let residual_dps = found[0].residual_dps;
         let lateral = lateral_stretches(series, rest, &still, variance);
         for axis in 0..2 {

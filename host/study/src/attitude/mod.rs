@@ -4,9 +4,11 @@
 //! pitch about the new y, then roll about the new x (MATLAB's `quat2eul`).
 
 mod bias_noise;
+mod decay;
 mod drift;
 mod level;
 mod rest;
+mod returns;
 mod series;
 mod smoother;
 mod still;

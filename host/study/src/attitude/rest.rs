@@ -11,7 +11,7 @@ use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
 
 /// Length of the blocks, s.
-const BLOCK_S: f64 = 2.0;
+pub(super) const BLOCK_S: f64 = 2.0;
 
 /// Lengths of the blocks whose scatter gives the noise, s: many short ones, and those of the estimate, which see slow noise.
 const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
@@ -24,7 +24,7 @@ const MIN_SWING_BLOCKS: usize = 4;
 pub(super) const SHORTEST_REST_S: f64 = MIN_BLOCKS as f64 * BLOCK_S;
 
 /// The largest number of blocks of a phase; a longer phase has longer blocks.
-const MOST_BLOCKS: f64 = 30.0;
+pub(super) const MOST_BLOCKS: f64 = 30.0;
 
 /// Angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section 6.1),
 /// one-sided, over √2.
@@ -35,10 +35,10 @@ const MARGIN: f64 = 0.25;
 
 /// Shortest time constant that the blocks resolve, s, and the longest, relative to the length of the phase.
 const FASTEST_S: f64 = 1.5;
-const SLOWEST: f64 = 2.0;
+pub(super) const SLOWEST: f64 = 2.0;
 
 /// Largest residual of a return to rest, relative to the noise.
-const QUIET: f64 = 1.4;
+pub(super) const QUIET: f64 = 1.4;
 
 /// The scatter of rates: the sum of its squares, times the length of the blocks, and its degrees of freedom.
 type Scatter = (f64, f64);
@@ -81,7 +81,8 @@ pub(super) fn blocks_of(yaw: Track, range: &Range<f64>) -> Option<Vec<(Range<f64
     blocks(yaw, range, BLOCK_S, MIN_BLOCKS)
 }
 
-fn blocks(yaw: Track, range: &Range<f64>, shortest_s: f64, least: usize) -> Option<Vec<(Range<f64>, f64)>> {
+/// Returns the blocks of at least this length, s, of a range; `None` if there are fewer than `least`.
+pub(super) fn blocks(yaw: Track, range: &Range<f64>, shortest_s: f64, least: usize) -> Option<Vec<(Range<f64>, f64)>> {
     let length = shortest_s.max(shortest_s / BLOCK_S * (range.end - range.start) / MOST_BLOCKS);
     let count = ((range.end - range.start) / length + 1e-6).floor();
     if count.is_nan() || count < least as f64 {

@@ -1,0 +1,274 @@
+//! Returns to rest in the rates of an axis: what is left of them in the rotation.
+//!
+//! Over each stretch the rate has, besides what [`super::smoother`] lists, three parts of unknown size a: the robot's return to
+//! rest before the run and that after it, A exp(-t/τ) each, and a faster motion after the run. For given time constants and
+//! standard deviations D of the sizes, the rates (whitened: e, with columns B of the parts) give
+//!
+//! ```text
+//! P = D (I + D BᵀB D)⁻¹ D           covariance of a
+//! q = P Bᵀe                         mean of a
+//! ln w = ½ (eᵀB q - ln |I + D BᵀB D|)   evidence
+//! ```
+//!
+//! (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.25, 2.26 and
+//! 2.30.) The rotation is linear in a. The time constants and D are not known: every combination of a list has the weight of
+//! its evidence times its prior, to which the robot's parameters contribute what they say of τ. Mean and covariance are those of
+//! the mixture. So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest
+//! help by ten seconds' worth.
+
+use super::smoother::Stretch;
+use nalgebra::linalg::Cholesky;
+use nalgebra::{DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector3};
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Time constants of a return to rest that are tried first, s. More are tried between those of which the weights differ.
+const TIME_CONSTANTS_S: [f64; 7] = [1.5, 2.7, 5.0, 9.0, 16.0, 28.0, 50.0];
+const MOST_TIME_CONSTANTS: usize = 250;
+
+/// Largest difference of the logarithms of the weights of neighbouring time constants.
+const LARGEST_DIFFERENCE: f64 = 1.0;
+
+/// Standard deviation of the logarithm of a robot's time constant about that of its parameters, which are not fitted yet, and
+/// the probability that the parameters are those of another robot.
+const ROBOT_WITHIN: f64 = 0.5;
+const OTHER_ROBOT: f64 = 0.2;
+
+/// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, where the recorder has
+/// waited, and after it.
+const BEFORE_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+const AFTER_DPS: [f64; 5] = [0.0, 0.01, 0.1, 1.0, 10.0];
+
+/// The faster motion after a run: its time constants that are tried, s, and the standard deviation of its rate when the motors
+/// stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with 64 °/s,
+/// of which three quarters are gone every two seconds, until the slow return of 6.3 s remains. A fit of one exponential takes
+/// what is left of it for a bias.
+pub(super) const FAST_S: [f64; 4] = [1.0, 1.25, 1.6, 2.0];
+const FAST_DPS: f64 = 60.0;
+
+/// Prior weight of no motion, before the run and after it. Before it, the recorder has waited until the robot was still.
+const STILL_BEFORE: f64 = 0.99;
+const STILL_AFTER: f64 = 0.5;
+
+/// Prior weight of a faster motion after the run: flagella are soft.
+const HAS_FAST: f64 = 0.95;
+
+/// Combinations of less than this weight, relative to the best one, are left out.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// Where the robot may still have been moving.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Motions {
+    /// Start of the run: the end of the first return to rest, s.
+    pub run_s: f64,
+    /// End of the run, s.
+    pub stop_s: f64,
+    /// Start of the rest after the run, s.
+    pub after_s: f64,
+    /// Their time constant by the robot's parameters, s; `None` if it is not known.
+    pub time_constant_s: Option<f64>,
+}
+
+impl Motions {
+    /// Returns the prior density of the logarithm of a time constant, not normalised: even, or about that of the robot.
+    fn density(&self, tau: f64) -> f64 {
+        let even = 1.0 / (TIME_CONSTANTS_S[TIME_CONSTANTS_S.len() - 1] / TIME_CONSTANTS_S[0]).ln();
+        let near = |robot_s: f64| {
+            let off = (tau / robot_s).ln() / ROBOT_WITHIN;
+            (-0.5 * off * off).exp() / (ROBOT_WITHIN * TAU.sqrt())
+        };
+        self.time_constant_s.map_or(even, |robot_s| OTHER_ROBOT * even + (1.0 - OTHER_ROBOT) * near(robot_s))
+    }
+}
+
+/// What the rates say of the rotation if nothing moves.
+pub(super) struct Still<'a> {
+    pub stretches: &'a [Stretch],
+    /// Covariance of the rates, factored.
+    pub factored: Cholesky<f64, Dyn>,
+    /// The rates, whitened.
+    pub rates: DVector<f64>,
+    /// Covariance of the rotation at each time of its grid with the whitened rates.
+    pub cross: DMatrix<f64>,
+    /// The rotation is zero at this time, s.
+    pub from_s: f64,
+}
+
+/// What the returns to rest add to the rotation.
+pub(super) struct Returns {
+    /// Mean, degrees.
+    pub mean: DVector<f64>,
+    /// Covariance, degrees².
+    pub covariance: DMatrix<f64>,
+    /// Mean rate of the first return to rest at the start of the run and its standard deviation, °/s.
+    pub residual_dps: [f64; 2],
+}
+
+/// Combinations that share their time constants.
+struct Family {
+    time_constant_s: f64,
+    /// Whitened rates over the stretches: of the return before the run, of that after it, and of the faster motion, for a rate
+    /// of 1 °/s each at the start of the run, at the start of the rest after it and when the motors stop.
+    columns: MatrixXx3<f64>,
+    combinations: Vec<Combination>,
+}
+
+struct Combination {
+    log_weight: f64,
+    /// Mean of the three rates, °/s, and their covariance.
+    mean: Vector3<f64>,
+    covariance: Matrix3<f64>,
+}
+
+/// Returns the mixture over all combinations.
+pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
+    let families = still.families(motions);
+    let best = families.iter().map(Family::best).fold(f64::NEG_INFINITY, f64::max);
+    let weight = |combination: &Combination| {
+        let weight = (combination.log_weight - best).exp();
+        if weight > LEAST_WEIGHT { weight } else { 0.0 }
+    };
+    let all = || families.iter().flat_map(|family| &family.combinations);
+    let total: f64 = all().map(weight).sum();
+    let rows = still.cross.nrows();
+    let (mut mean, mut square) = (DVector::zeros(rows), DMatrix::zeros(rows, rows));
+    let (mut residual, mut residual_square) = (0.0, 0.0);
+    for family in &families {
+        let (mut of_mean, mut of_square) = (Vector3::zeros(), Matrix3::zeros());
+        for combination in &family.combinations {
+            let share = weight(combination) / total;
+            of_mean += share * combination.mean;
+            of_square += share * (combination.covariance + combination.mean * combination.mean.transpose());
+        }
+        if of_square == Matrix3::zeros() {
+            continue;
+        }
+        residual += of_mean.x;
+        residual_square += of_square.m11;
+        // The rotation for rates of 1 °/s: what they explain of the rates is no bias, and the robot still turns back.
+        let mut turned = -(&still.cross * &family.columns);
+        let tau = family.time_constant_s;
+        turned.column_mut(0).add_scalar_mut(tau * (-(still.from_s - motions.run_s) / tau).exp());
+        mean += &turned * of_mean;
+        square += &turned * of_square * turned.transpose();
+    }
+    let covariance = square - &mean * mean.transpose();
+    let residual_dps = [residual, (residual_square - residual * residual).max(0.0).sqrt()];
+    Returns { mean, covariance, residual_dps }
+}
+
+impl Family {
+    fn best(&self) -> f64 {
+        self.combinations.iter().map(|combination| combination.log_weight).fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+impl Still<'_> {
+    /// Returns all combinations of time constants and sizes, with their weights. Time constants are added where the weights are
+    /// not negligible, until those of neighbours are of one order, and those of the next ones: the best time constant may lie
+    /// between two of the same weight.
+    fn families(&self, motions: &Motions) -> Vec<Family> {
+        let tried = |tau: f64| -> (f64, Vec<Family>) {
+            (tau, FAST_S.iter().map(|fast_s| self.family(motions, tau, *fast_s)).collect())
+        };
+        let mut all: Vec<(f64, Vec<Family>)> = TIME_CONSTANTS_S.map(tried).into();
+        loop {
+            let weights: Vec<f64> =
+                all.iter().map(|(_, of)| of.iter().map(Family::best).fold(f64::NEG_INFINITY, f64::max)).collect();
+            let least = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max) + LEAST_WEIGHT.ln();
+            let differ = |i: usize| (weights[i] - weights[i + 1]).abs() > LARGEST_DIFFERENCE;
+            let is_coarse = |i: &usize| {
+                let beside = i.saturating_sub(1)..=(i + 1).min(weights.len() - 2);
+                weights[*i].max(weights[i + 1]) > least && beside.into_iter().any(differ)
+            };
+            let middles: Vec<f64> =
+                (0..all.len() - 1).filter(is_coarse).map(|i| (all[i].0 * all[i + 1].0).sqrt()).collect();
+            if middles.is_empty() || all.len() + middles.len() > MOST_TIME_CONSTANTS {
+                break;
+            }
+            all.extend(middles.into_iter().map(tried));
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let taus: Vec<f64> = all.iter().map(|(tau, _)| tau.ln()).collect();
+        let width = |i: usize| 0.5 * (taus[(i + 1).min(taus.len() - 1)] - taus[i.saturating_sub(1)]);
+        for (i, (tau, families)) in all.iter_mut().enumerate() {
+            let more = (width(i) * motions.density(*tau)).ln();
+            families.iter_mut().flat_map(|family| &mut family.combinations).for_each(|one| one.log_weight += more);
+        }
+        all.into_iter().flat_map(|(_, families)| families).collect()
+    }
+
+    /// Returns the combinations of sizes for a time constant of both returns and one of the faster motion.
+    fn family(&self, motions: &Motions, tau: f64, fast_s: f64) -> Family {
+        let is_after = |stretch: &Stretch| stretch.range.start >= motions.run_s;
+        let rates = |tau: f64, zero_s: f64, after: bool| {
+            let mean = |stretch: &Stretch| {
+                let Range { start, end } = stretch.range;
+                let part = |t: f64| (-(t - zero_s) / tau).exp();
+                if is_after(stretch) == after { tau * (part(start) - part(end)) / (end - start) } else { 0.0 }
+            };
+            DVector::from_iterator(self.stretches.len(), self.stretches.iter().map(mean))
+        };
+        let parts = [(tau, motions.run_s, false), (tau, motions.after_s, true), (fast_s, motions.stop_s, true)];
+        let mut columns = MatrixXx3::from_columns(&parts.map(|(tau, zero_s, after)| rates(tau, zero_s, after)));
+        self.factored.l_dirty().solve_lower_triangular_mut(&mut columns);
+        let gram: Matrix3<f64> = columns.tr_mul(&columns);
+        let along: Vector3<f64> = columns.tr_mul(&self.rates);
+        let sizes = |after: bool, all: &'static [f64], still: f64| {
+            let is_seen = self.stretches.iter().any(|stretch| is_after(stretch) == after);
+            let moving = (1.0 - still) / (all.len() - 1) as f64;
+            let weighed = move |dps: &f64| (*dps, if *dps == 0.0 { still } else { moving });
+            if is_seen { all } else { &all[..1] }.iter().map(weighed)
+        };
+        let combination = |parts: [(f64, f64); 3]| {
+            let [sizes, priors] = [parts.map(|(dps, _)| dps), parts.map(|(_, prior)| prior)];
+            let sizes = Matrix3::from_diagonal(&Vector3::from(sizes));
+            let factored = Cholesky::new(Matrix3::identity() + sizes * gram * sizes)?;
+            // By the factors: the product with the inverse would lose the small differences of large evidences.
+            let mean = sizes * factored.solve(&(sizes * along));
+            let evidence = 0.5 * (along.dot(&mean) - factored.ln_determinant());
+            let log_weight = evidence + priors.iter().product::<f64>().ln();
+            Some(Combination { log_weight, mean, covariance: sizes * factored.inverse() * sizes })
+        };
+        let mut combinations = Vec::new();
+        for before in sizes(false, &BEFORE_DPS, STILL_BEFORE) {
+            for after in sizes(true, &AFTER_DPS, STILL_AFTER) {
+                for fast in sizes(true, &[0.0, FAST_DPS], 1.0 - HAS_FAST) {
+                    combinations.extend(combination([before, after, fast]));
+                }
+            }
+        }
+        Family { time_constant_s: tau, columns, combinations }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::smoother::{Target, rotation};
+    use super::super::{BiasNoise, Track};
+    use super::*;
+
+    /// Two of the time constants that are tried first explain the rates equally well, and a third between them does better.
+    #[test]
+    fn time_constant_between_those_that_are_tried_first_is_found() {
+        let (run_s, after_s) = (20.0, 152.0);
+        let stretch = |start: f64, rate: f64| Stretch {
+            range: start..start + 2.0,
+            rate,
+            variance: 0.0036f64.powi(2) / 2.0,
+            tilt_dps: [0.0; 2],
+        };
+        let before = (0..7).map(|i| stretch(6.0 + 2.0 * f64::from(i), 0.0));
+        let after = (0..9).map(|i| stretch(after_s + 2.0 * f64::from(i), 0.2 * (-f64::from(i) / 3.35).exp()));
+        let stretches: Vec<Stretch> = before.chain(after).collect();
+        let times: Vec<f64> = (0..=170).map(f64::from).collect();
+        let bias_noise = BiasNoise { walk_dps_per_root_s: 1e-4, instability_dps: 0.0 };
+        let target = Target { times: &times, weights: &[1.0; 171], from_s: 19.5, bias_noise };
+        let motions = Motions { run_s, stop_s: 140.0, after_s, time_constant_s: Some(6.0) };
+        let temperature = Track { time_s: &times, value: &[25.0; 171] };
+        let found = rotation(&stretches, temperature, &target, Some(&motions)).unwrap();
+        let (at_end, u) = (found.mean[139], found.covariance[(139, 139)].sqrt());
+        println!("{at_end:.3} ± {u:.3}");
+        assert!(at_end.abs() < 0.1 && u < 0.25, "{at_end} {u}");
+    }
+}
