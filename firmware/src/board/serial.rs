@@ -25,7 +25,6 @@ const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is no
 const SREG: u8 = 0x3F;
 const UDR0: u8 = 0xC6;
 const UCSR0B: u8 = 0xC1;
-const TCNT1L: u8 = 0x84;
 const UDRIE: u8 = 1 << 5;
 
 static mut RECEIVED: [u8; INBOX as usize] = [0; INBOX as usize];
@@ -206,8 +205,8 @@ global_asm!(
     "rjmp 4b",
     sreg = const SREG,
     udr0 = const UDR0,
-    tcnt1l = const TCNT1L,
-    tcnt1h = const TCNT1L + 1,
+    tcnt1l = const clock::TCNT1L,
+    tcnt1h = const clock::TCNT1L + 1,
     mask = const INBOX - 1,
     received = sym RECEIVED,
     head = sym HEAD,
