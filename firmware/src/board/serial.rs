@@ -5,6 +5,7 @@
 //! saves registers that they do not need: they take 57 and 48 cycles, where the compiler's took 89 and 64.
 
 use core::arch::global_asm;
+use core::sync::atomic::{Ordering, compiler_fence};
 
 use avr_device::atmega328p::USART0;
 use avr_device::interrupt;
@@ -83,20 +84,18 @@ impl link::Outbox for Outbox {
     fn add(&mut self, bytes: &[u8]) {
         // SAFETY: only main writes SEND_HEAD, and the interrupt does not read these places before SEND_HEAD has passed them.
         unsafe {
-            let mut head = SEND_HEAD;
-            for byte in bytes {
-                (&raw mut TO_SEND).cast::<u8>().add(usize::from(head)).write_volatile(*byte);
-                head = after(head);
-            }
+            let head = SEND_HEAD;
+            let (first, rest) = bytes.split_at_checked(usize::from(OUTBOX - head)).unwrap_or((bytes, &[]));
+            let places = (&raw mut TO_SEND).cast::<u8>();
+            places.add(usize::from(head)).copy_from_nonoverlapping(first.as_ptr(), first.len());
+            places.copy_from_nonoverlapping(rest.as_ptr(), rest.len());
+            // The interrupt must not see the new head before the bytes.
+            compiler_fence(Ordering::Release);
+            let end = usize::from(head) + bytes.len();
+            let head = if end < usize::from(OUTBOX) { end } else { end - usize::from(OUTBOX) } as u8;
             (&raw mut SEND_HEAD).write_volatile(head);
         }
     }
-}
-
-/// Returns the place of the outbox after this one.
-#[inline(always)]
-fn after(place: u8) -> u8 {
-    if place == OUTBOX - 1 { 0 } else { place + 1 }
 }
 
 /// Starts the port; returns main's ends of the queues.
