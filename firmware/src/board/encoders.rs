@@ -15,6 +15,7 @@ use avr_device::interrupt::{self, CriticalSection};
 use firmware::encoder::{Edges, Filter, MAX_PWM_SPIKES, PWM_SPIKE, is_by_pwm};
 
 use super::clock;
+use super::serial::{SCRATCH, SREG};
 
 /// INT0 and INT1 at any edge (section 13.2.1).
 const ANY_EDGE: u8 = 0b0101;
@@ -226,7 +227,6 @@ const EIFR: u8 = 0x1C;
 const EIMSK: u8 = 0x1D;
 const TCNT0: u8 = 0x26;
 const OCR0A: u8 = 0x27;
-const SREG: u8 = 0x3F;
 const TCNT2: u8 = 0xB2;
 const OCR2A: u8 = 0xB3;
 
@@ -242,7 +242,7 @@ macro_rules! interrupt_of {
         global_asm!(
             concat!(".global ", $vector),
             concat!($vector, ":"),
-            "push r24",
+            "out {scratch}, r24",
             "in r24, {sreg}",
             "push r24",
             "push r25",
@@ -263,7 +263,7 @@ macro_rules! interrupt_of {
             "pop r25",
             "pop r24",
             "out {sreg}, r24",
-            "pop r24",
+            "in r24, {scratch}",
             "jmp {edge}",
             // What comes from here on interrupts again.
             "1:",
@@ -295,7 +295,7 @@ macro_rules! interrupt_of {
             "pop r25",
             "pop r24",
             "out {sreg}, r24",
-            "pop r24",
+            "in r24, {scratch}",
             "reti",
             // Changed, for the first time since the last edge.
             "3:",
@@ -322,6 +322,7 @@ macro_rules! interrupt_of {
             "out {eimsk}, r24",
             "rjmp 5b",
             sreg = const SREG,
+            scratch = const SCRATCH,
             tcnt0 = const TCNT0,
             ocr0a = const OCR0A,
             tcnt2 = const TCNT2,

@@ -23,7 +23,9 @@ const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
 const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is not exact");
 
 /// The interrupts' registers, in the memory (section 31); SREG is also in the space of input and output, where it is 0x20 less.
-const SREG: u8 = 0x3F;
+pub const SREG: u8 = 0x3F;
+/// GPIOR2: room for a register of the interrupts that are written by hand, of which none interrupts another.
+pub const SCRATCH: u8 = 0x2B;
 const UDR0: u8 = 0xC6;
 const UCSR0B: u8 = 0xC1;
 const UDRIE: u8 = 1 << 5;
@@ -136,13 +138,18 @@ pub fn frame_end() -> Micros {
 global_asm!(
     ".global __vector_18",
     "__vector_18:",
-    "push r24",
+    "out {scratch}, r24",
     "in r24, {sreg}",
     "push r24",
     "push r25",
+    "lds r25, {udr0}",
+    "lds r24, {reserve}",
+    "cpi r24, 0xFF",
+    "breq 6f",
+    "7:",
     "push r30",
     "push r31",
-    "lds r25, {udr0}",
+    "mov r31, r24",
     "lds r30, {head}",
     // The free places, of which one stays empty.
     "lds r24, {tail}",
@@ -151,7 +158,6 @@ global_asm!(
     "andi r24, {mask}",
     "tst r25",
     "breq 2f",
-    "lds r31, {reserve}",
     "cp r31, r24",
     "brcc 3f",
     "1:",
@@ -165,11 +171,17 @@ global_asm!(
     "4:",
     "pop r31",
     "pop r30",
+    "8:",
     "pop r25",
     "pop r24",
     "out {sreg}, r24",
-    "pop r24",
+    "in r24, {scratch}",
     "reti",
+    // A byte of a frame that is dropped, in a short time: of a flood, most bytes are such.
+    "6:",
+    "tst r25",
+    "breq 7b",
+    "rjmp 8b",
     // The end of a frame.
     "2:",
     "ldi r31, 1",
@@ -181,11 +193,9 @@ global_asm!(
     "tst r24",
     "brne 1b",
     "rjmp 4b",
-    // Too little room, for the first time in this frame if r31 is not yet 0xFF: changes its last byte in the inbox, if it has
-    // one, into another that is no delimiter.
+    // Too little room, for the first time in this frame: changes its last byte in the inbox, if it has one, into another that is no
+    // delimiter.
     "3:",
-    "cpi r31, 0xFF",
-    "breq 4b",
     "ldi r31, 0xFF",
     "sts {reserve}, r31",
     "dec r30",
@@ -203,6 +213,7 @@ global_asm!(
     "st Z, r24",
     "rjmp 4b",
     sreg = const SREG,
+    scratch = const SCRATCH,
     udr0 = const UDR0,
     tcnt1l = const clock::TCNT1L,
     tcnt1h = const clock::TCNT1L + 1,
@@ -218,7 +229,7 @@ global_asm!(
 global_asm!(
     ".global __vector_19",
     "__vector_19:",
-    "push r24",
+    "out {scratch}, r24",
     "in r24, {sreg}",
     "push r24",
     "push r30",
@@ -243,7 +254,7 @@ global_asm!(
     "pop r30",
     "pop r24",
     "out {sreg}, r24",
-    "pop r24",
+    "in r24, {scratch}",
     "reti",
     // Nothing is left: off.
     "2:",
@@ -252,6 +263,7 @@ global_asm!(
     "sts {ucsr0b}, r24",
     "rjmp 3b",
     sreg = const SREG,
+    scratch = const SCRATCH,
     udr0 = const UDR0,
     ucsr0b = const UCSR0B,
     without_udrie = const !UDRIE & 0xFF,
