@@ -33,8 +33,8 @@ pub const MAX_GLITCHES: u8 = 24;
 /// ticks.
 pub const MAX_PWM_SPIKES: u8 = 80;
 
-/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: [`SPIKE_US`].
-pub const PWM_SPIKE: u8 = 15;
+/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: a little more than [`SPIKE_US`].
+pub const PWM_SPIKE: u8 = 16;
 
 /// Returns whether a motor's PWM has just had an edge: at the count of 0, or at that after `compare`. A new compare value comes
 /// into force at 0 only, so that this edge may be a count away from it.

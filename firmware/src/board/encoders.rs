@@ -37,8 +37,7 @@ const BITS: [Bits; 2] = [
 /// Longer than a spike that is not in step with the PWM.
 const SPIKE_CYCLES: u32 = 64;
 
-/// From the first change after an edge of the PWM until the lines are at rest, in counts of the clock: four for each of the PWM's,
-/// and 4 µs more.
+/// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
 const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
 
 /// An encoder. The interrupt that is written by hand uses the first four fields.
@@ -168,7 +167,7 @@ pub fn look_again(cs: CriticalSection) {
         if is_at_rest {
             settle(encoder, port, 0);
         } else {
-            clock::alarm(clock::counter().wrapping_add(REST / 2));
+            clock::alarm(clock::counter().wrapping_add(REST / 4));
         }
     }
 }
@@ -267,24 +266,26 @@ macro_rules! interrupt_of {
             "jmp {edge}",
             // What comes from here on interrupts again.
             "1:",
+            "push r30",
+            "mov r25, r24",
             "ldi r24, {interrupt}",
             "out {eifr}, r24",
             "in r24, {pind}",
-            "lds r25, {encoders} + {level}",
-            "eor r24, r25",
-            "lds r25, {encoders} + {has_changed}",
+            "lds r30, {encoders} + {level}",
+            "eor r24, r30",
+            "lds r30, {encoders} + {has_changed}",
             "andi r24, {channel_1}",
             "brne 3f",
             // Unchanged: the spike is over.
             "sts {encoders} + {has_changed}, r24",
-            "tst r25",
+            "tst r30",
             "breq 2f",
-            "lds r25, {encoders} + {other_has_changed}",
-            "tst r25",
+            "lds r30, {encoders} + {other_has_changed}",
+            "tst r30",
             "brne 2f",
-            "lds r25, {timsk1}",
-            "andi r25, {without_alarm}",
-            "sts {timsk1}, r25",
+            "lds r30, {timsk1}",
+            "andi r30, {without_alarm}",
+            "sts {timsk1}, r30",
             "2:",
             "lds r24, {encoders} + {spikes}",
             "inc r24",
@@ -292,24 +293,31 @@ macro_rules! interrupt_of {
             "cpi r24, {most} + 1",
             "brcc 4f",
             "5:",
+            "pop r30",
             "pop r25",
             "pop r24",
             "out {sreg}, r24",
             "in r24, {scratch}",
             "reti",
-            // Changed, for the first time since the last edge.
+            // Changed, for the first time since the last edge: looks again at the end of the time since the PWM's edge, which is in
+            // r25.
             "3:",
-            "tst r25",
+            "tst r30",
             "brne 5b",
-            "ldi r25, 1",
-            "sts {encoders} + {has_changed}, r25",
+            "ldi r30, 1",
+            "sts {encoders} + {has_changed}, r30",
             "lds r24, {tcnt1}",
-            "lds r25, {tcnt1} + 1",
+            "lds r30, {tcnt1} + 1",
             "sts {encoders} + {changed}, r24",
-            "sts {encoders} + {changed} + 1, r25",
+            "sts {encoders} + {changed} + 1, r30",
+            "lsl r25",
+            "lsl r25",
+            "lsl r25",
             "subi r24, lo8(-({rest}))",
-            "sbci r25, hi8(-({rest}))",
-            "sts {ocr1b} + 1, r25",
+            "sbci r30, hi8(-({rest}))",
+            "sub r24, r25",
+            "sbci r30, 0",
+            "sts {ocr1b} + 1, r30",
             "sts {ocr1b}, r24",
             "lds r24, {timsk1}",
             "ori r24, {alarm}",
