@@ -140,3 +140,21 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
         assert!(tick.worst <= WORST_TICK, "{name}: {} cycles", tick.worst);
     }
 }
+
+/// Where long wires make the sensor's bus slow, a tick takes longer than [`WORST_TICK`] under such loads. Nothing is lost by that: the
+/// next tick still begins in time.
+#[test]
+fn a_slow_bus_under_any_load_of_the_line_misses_no_tick() {
+    for spikes in [&["bus-rise=4"][..], &["bus-rise=4", "pwm-spikes=20,1"], &["bus-rise=4", "pwm-spikes=55,1"]] {
+        let load = Load { noise: spikes, ..Load::new("settings read", &[Command::ReadSettings], 1.0) };
+        let (host, sent, answered) = load.bear();
+        let (worst, last) = (host.board.marks().tick().worst, host.last());
+        println!(
+            "| settings read with {} | 100 % | {sent} | {answered} | {worst} | {} |",
+            spikes.join(", "),
+            last.unsent.0
+        );
+        assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0), "{spikes:?}");
+        assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
+    }
+}
