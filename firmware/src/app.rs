@@ -16,6 +16,7 @@ use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Latch, reset_cause};
+use crate::gap::{self, Gap};
 use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
@@ -96,8 +97,8 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     speed_scale: f32,
     /// [`count_in_ticks`] of the encoders.
     count_in_ticks: i32,
-    /// Half the rad/s per count of the gyroscope.
-    half_rate_scale: f32,
+    /// Half the turn in a tick per count of the gyroscope, rad.
+    half_turn_scale: f32,
     speed_gains: motor::Gains,
     /// The motors' deadline. Stored because it is looked at between any two bytes.
     deadline_us: u32,
@@ -110,6 +111,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     /// Ticks since the last update of the attitude, and the gyroscope's reading then.
     ticks_behind: u8,
     gyro_before: [SensorCounts; 3],
+    gap: Gap,
     calibrating: Option<GyroAverage>,
     calibration: Calibration,
     /// The number of the request that a save answers.
@@ -141,7 +143,7 @@ where
             supply: Supply::default(),
             speed_scale: 0.0,
             count_in_ticks: 0,
-            half_rate_scale: 0.0,
+            half_turn_scale: 0.0,
             speed_gains: motor::Gains::default(),
             deadline_us: 0,
             settings: Settings::DEFAULT,
@@ -152,6 +154,7 @@ where
             telemetry: Telemetry::default(),
             ticks_behind: 0,
             gyro_before: Default::default(),
+            gap: Gap::default(),
             calibrating: None,
             calibration: Calibration::default(),
             save_request: 0,
@@ -281,23 +284,24 @@ where
             return;
         }
         let ticks = core::mem::take(&mut self.ticks_behind);
-        let dt = f32::from(ticks) * TICK_S;
-        let scale = self.half_rate_scale * dt;
-        let mut half_turn = numbers(&self.telemetry.gyro);
+        self.gap.push(&self.telemetry.gyro, &self.gyro_before, ticks);
+        let bias = &self.settings.gyro_bias;
+        let mut half_turn = gap::unbiased(&self.telemetry.gyro, bias);
         let is_gap = ticks > 1 && self.attitude.has_started();
         if is_gap {
-            attitude::mean(&mut half_turn, numbers(&self.gyro_before));
+            gap::bridge(&mut half_turn, &mut gap::unbiased(&self.gyro_before, bias), ticks);
         }
-        for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
-            *half_angle = (*half_angle - bias) * scale;
-        }
+        self.gap.correct(&mut half_turn);
+        attitude::scale(&mut half_turn, self.half_turn_scale);
         if is_gap {
             attitude::lengthen(&mut half_turn);
         }
         let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
-        let acceleration = in_body_axes(self.settings.accel_axes, numbers(&self.telemetry.accel));
+        let mut acceleration = [0.0; 3];
+        gap::to_numbers(&mut acceleration, &self.telemetry.accel);
+        let acceleration = in_body_axes(self.settings.accel_axes, acceleration);
         let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
-        self.attitude.update(half_turn, acceleration, dt, gains);
+        self.attitude.update(half_turn, acceleration, ticks, gains);
         self.telemetry.attitude = self.attitude.quaternion();
     }
 
@@ -459,7 +463,7 @@ where
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
         self.count_in_ticks = count_in_ticks(self.settings.counts_per_turn);
-        self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
+        self.half_turn_scale = core::f32::consts::PI / 360.0 * TICK_S / self.settings.gyro_range.counts_per_dps();
         self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
@@ -478,11 +482,6 @@ where
             self.store.log_fault(&FaultRecord { boot: self.boot_count, time, fault, duty, speed, program_counter });
         }
     }
-}
-
-#[inline(never)]
-fn numbers(counts: &[SensorCounts; 3]) -> [f32; 3] {
-    counts.map(|counts| f32::from(counts.0))
 }
 
 #[inline(never)]

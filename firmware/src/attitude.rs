@@ -9,7 +9,7 @@
 
 use protocol::units::{Q15, Quaternion};
 
-use crate::round_to_i16;
+use crate::{TICK_S, round_to_i16};
 
 /// The filter's state.
 #[derive(Debug)]
@@ -36,10 +36,11 @@ impl Default for Attitude {
 }
 
 impl Attitude {
-    /// Advances by `dt` seconds, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
-    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead.
+    /// Advances by so many ticks, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
+    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead. One reading says where up is for one
+    /// tick: in a swing, what is wrong of it would count for the whole of a longer time.
     #[inline(never)]
-    pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], dt: f32, gains: Gains) {
+    pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], ticks: u8, gains: Gains) {
         let mut up = acceleration;
         let is_up_known = normalise(&mut up);
         if !self.started {
@@ -51,7 +52,7 @@ impl Attitude {
             return;
         }
         if is_up_known {
-            self.correct(&mut half_turn, up, dt, gains);
+            self.correct(&mut half_turn, up, ticks, gains);
         }
         self.turn(half_turn);
     }
@@ -68,14 +69,13 @@ impl Attitude {
 
     /// Adds to a rotation the correction that moves the estimated direction of gravity towards `up`.
     #[inline(never)]
-    fn correct(&mut self, half_turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
+    fn correct(&mut self, half_turn: &mut [f32; 3], up: [f32; 3], ticks: u8, gains: Gains) {
         let half_error = cross(up, self.half_up());
-        let kp = gains.kp * dt;
-        for (half_angle, half_error) in half_turn.iter_mut().zip(half_error) {
-            *half_angle += kp * half_error;
-        }
+        let mut half_angle = half_error;
+        scale(&mut half_angle, gains.kp * TICK_S);
+        add(half_turn, &half_angle);
         if gains.ki != 0.0 {
-            let (half, ki) = (0.5 * dt, 2.0 * gains.ki * dt);
+            let (half, ki) = (0.5 * TICK_S * f32::from(ticks), 2.0 * TICK_S * gains.ki);
             for ((half_angle, correction), half_error) in half_turn.iter_mut().zip(&mut self.correction).zip(half_error)
             {
                 *correction += ki * half_error;
@@ -86,14 +86,13 @@ impl Attitude {
 
     /// Rotates by twice these small angles: multiplies by the quaternion `[1, x, y, z]`.
     #[inline(never)]
-    fn turn(&mut self, half_turn: [f32; 3]) {
-        let [w, x, y, z] = self.quaternion;
-        let mut moved = cross([x, y, z], half_turn);
-        let mut scalar = w;
-        for ((moved, half_angle), part) in moved.iter_mut().zip(half_turn).zip([x, y, z]) {
-            *moved += part + w * half_angle;
-            scalar -= part * half_angle;
-        }
+    fn turn(&mut self, mut half_turn: [f32; 3]) {
+        let [w, vector @ ..] = self.quaternion;
+        let mut moved = cross(vector, half_turn);
+        let scalar = w - dot(&vector, &half_turn);
+        scale(&mut half_turn, w);
+        add(&mut moved, &half_turn);
+        add(&mut moved, &vector);
         let [x, y, z] = moved;
         self.quaternion = [scalar, x, y, z];
         if !normalise(&mut self.quaternion) {
@@ -125,11 +124,21 @@ impl Attitude {
     }
 }
 
-/// Replaces the rate after a gap in the readings by its mean with the one before.
+// Slices, so that the compiler leaves the loops as short as they are.
+
+/// Multiplies a vector by a number.
 #[inline(never)]
-pub fn mean(rate: &mut [f32; 3], before: [f32; 3]) {
-    for (rate, before) in rate.iter_mut().zip(before) {
-        *rate = 0.5 * (*rate + before);
+pub fn scale(vector: &mut [f32], factor: f32) {
+    for part in vector {
+        *part *= factor;
+    }
+}
+
+/// Adds a vector to another one.
+#[inline(never)]
+pub fn add(vector: &mut [f32], other: &[f32]) {
+    for (part, other) in vector.iter_mut().zip(other) {
+        *part += other;
     }
 }
 
@@ -137,11 +146,8 @@ pub fn mean(rate: &mut [f32; 3], before: [f32; 3]) {
 /// small ones. To the third order: 0.02 degrees off for a turn of 30.
 #[inline(never)]
 pub fn lengthen(half_turn: &mut [f32; 3]) {
-    let [x, y, z] = *half_turn;
-    let factor = 1.0 + (x * x + y * y + z * z) * (1.0 / 3.0);
-    for half_angle in half_turn {
-        *half_angle *= factor;
-    }
+    let factor = 1.0 + dot(half_turn, half_turn) * (1.0 / 3.0);
+    scale(half_turn, factor);
 }
 
 #[inline(never)]
@@ -149,22 +155,27 @@ fn cross([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> [f32; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
+#[inline(never)]
+fn dot(vector: &[f32], other: &[f32]) -> f32 {
+    let mut sum = 0.0;
+    for (part, other) in vector.iter().zip(other) {
+        sum += part * other;
+    }
+    sum
+}
+
 /// Normalises `vector`. Returns whether it has a direction and is finite; if not, it is unchanged.
 #[inline(never)]
 fn normalise(vector: &mut [f32]) -> bool {
-    let mut square = 0.0;
-    for part in &*vector {
-        square += part * part;
-    }
-    let scale = match square {
+    let square = dot(vector, vector);
+    // Positive numbers are in the order of their bits, which a tenth of the time compares.
+    let factor = match square.to_bits() {
         // One Newton step from 1, enough for a quaternion after each rotation.
-        0.995..1.005 => 1.5 - 0.5 * square,
-        1e-12..1e24 => inverse_sqrt(square),
+        bits if (const { 0.995f32.to_bits() }..const { 1.005f32.to_bits() }).contains(&bits) => 1.5 - 0.5 * square,
+        bits if (const { 1e-12f32.to_bits() }..const { 1e24f32.to_bits() }).contains(&bits) => inverse_sqrt(square),
         _ => return false,
     };
-    for part in vector {
-        *part *= scale;
-    }
+    self::scale(vector, factor);
     true
 }
 
@@ -191,7 +202,7 @@ mod tests {
 
     fn started(acceleration: [f32; 3]) -> Attitude {
         let mut attitude = Attitude::default();
-        attitude.update([0.0; 3], acceleration, DT, GAINS);
+        attitude.update([0.0; 3], acceleration, 1, GAINS);
         attitude
     }
 
@@ -233,9 +244,9 @@ mod tests {
     #[test]
     fn without_gravity_it_waits_for_a_direction() {
         let mut attitude = started([0.0; 3]);
-        attitude.update([1.0, 2.0, 3.0], [0.0; 3], DT, GAINS);
+        attitude.update([1.0, 2.0, 3.0], [0.0; 3], 1, GAINS);
         assert!(!attitude.started);
-        attitude.update([0.0; 3], [0.0, 16384.0, 0.0], DT, GAINS);
+        attitude.update([0.0; 3], [0.0, 16384.0, 0.0], 1, GAINS);
         assert!((estimated_up(&attitude)[1] - 1.0).abs() < 2e-5);
     }
 
@@ -245,7 +256,7 @@ mod tests {
         let rate = 200.0f32.to_radians();
         let (mut yaw, mut last) = (0.0f64, 0.0f64);
         for _ in 0..720 {
-            attitude.update(half([0.0, 0.0, rate]), DOWN, DT, GAINS);
+            attitude.update(half([0.0, 0.0, rate]), DOWN, 1, GAINS);
             let [q0, .., q3] = attitude.quaternion.map(f64::from);
             let now = 2.0 * q3.atan2(q0);
             let step = now - last;
@@ -259,7 +270,7 @@ mod tests {
     fn gravity_pulls_a_tilt_back_at_the_gain() {
         let mut attitude = started([0.0, 0.5, 0.866_025_4]);
         for _ in 0..200 {
-            attitude.update([0.0; 3], DOWN, DT, GAINS);
+            attitude.update([0.0; 3], DOWN, 1, GAINS);
         }
         // After one second at 1/s, 30° have become about 30°/e.
         let tilt = estimated_up(&attitude)[2].acos().to_degrees();
@@ -270,7 +281,7 @@ mod tests {
     fn the_integral_finds_a_bias_of_the_horizontal_rates() {
         let mut attitude = started(DOWN);
         for _ in 0..200 * 60 {
-            attitude.update(half([0.02, -0.01, 0.0]), DOWN, DT, Gains { kp: 1.0, ki: 0.3 });
+            attitude.update(half([0.02, -0.01, 0.0]), DOWN, 1, Gains { kp: 1.0, ki: 0.3 });
         }
         assert!((attitude.correction[0] + 0.02).abs() < 1e-4 && (attitude.correction[1] - 0.01).abs() < 1e-4);
         assert!(estimated_up(&attitude)[2] > 0.9999);
@@ -281,7 +292,7 @@ mod tests {
         let mut attitude = started(DOWN);
         // 30° about x, for 0.1 s.
         for _ in 0..20 {
-            attitude.update([0.0; 3], [0.0, 8192.0, 14_189.0], DT, Gains { kp: 0.0, ki: 0.3 });
+            attitude.update([0.0; 3], [0.0, 8192.0, 14_189.0], 1, Gains { kp: 0.0, ki: 0.3 });
         }
         let [x, y, z] = attitude.correction;
         assert!((x - 0.3 * 0.1 * 0.5).abs() < 1e-4 && y == 0.0 && z == 0.0, "{:?}", attitude.correction);
@@ -290,12 +301,24 @@ mod tests {
         assert!((tilt - 0.5 * 0.3 * 0.5 * 0.1 * 0.1).abs() < 1e-4, "{tilt}");
     }
 
+    /// The bias that it has found counts for the whole time, the direction of gravity for one tick.
+    #[test]
+    fn a_longer_time_is_no_longer_look_at_gravity() {
+        let mut attitude = started([0.0, 8192.0, 14_189.0]);
+        attitude.correction = [0.0, 0.0, 0.1];
+        attitude.update([0.0; 3], DOWN, 20, Gains { kp: 1.0, ki: 1e-9 });
+        let tilt = estimated_up(&attitude)[2].acos().to_degrees();
+        assert!((30.0 - tilt - 0.005 * 0.5f32.to_degrees()).abs() < 0.01, "{tilt}");
+        let yaw = 2.0 * attitude.quaternion[3].to_degrees();
+        assert!((yaw - (0.1f32 * 0.1).to_degrees() * 0.866).abs() < 0.1, "{yaw}");
+    }
+
     #[test]
     fn up_stays_up_in_a_tilted_body_that_turns_about_the_vertical() {
         let up = [0.48, -0.6, 0.64];
         let mut attitude = started(up.map(|part| part * 16384.0));
         for _ in 0..400 {
-            attitude.update(half(up), [0.0; 3], DT, NONE);
+            attitude.update(half(up), [0.0; 3], 1, NONE);
             for (have, want) in estimated_up(&attitude).iter().zip(up) {
                 assert!((have - want).abs() < 5e-5, "{:?}", estimated_up(&attitude));
             }
@@ -307,7 +330,7 @@ mod tests {
     fn a_turn_keeps_the_quaternions_length_to_the_digits_of_a_number() {
         let mut attitude = started(DOWN);
         for _ in 0..1000 {
-            attitude.update(half([0.5, -2.0, 3.0]), [0.0; 3], DT, NONE);
+            attitude.update(half([0.5, -2.0, 3.0]), [0.0; 3], 1, NONE);
             let length = attitude.quaternion.iter().map(|part| f64::from(*part).powi(2)).sum::<f64>().sqrt();
             assert!((length - 1.0).abs() < 3e-7, "{length}");
         }
@@ -336,8 +359,9 @@ mod tests {
             let mut attitude = Attitude::default();
             for (rates, acceleration, kind) in steps {
                 let acceleration = if kind == 0 { [0.0; 3] } else { acceleration.map(f32::from) };
-                let dt = if kind == 1 { 1.3 } else { DT };
-                attitude.update(rates.map(|rate| 0.5 * dt * rate), acceleration, dt, Gains { kp, ki });
+                let ticks = if kind == 1 { 255 } else { 1 };
+                let half_turn = rates.map(|rate| 0.5 * DT * f32::from(ticks) * rate);
+                attitude.update(half_turn, acceleration, ticks, Gains { kp, ki });
                 prop_assert!((norm(&attitude.quaternion) - 1.0).abs() < 1e-5);
             }
         }
@@ -348,7 +372,7 @@ mod tests {
             let axis = axis.map(|part| part / norm(&axis));
             let mut attitude = Attitude { started: true, ..Attitude::default() };
             for _ in 0..400 {
-                attitude.update(half(axis.map(|part| part * angle / 2.0)), [0.0; 3], DT, NONE);
+                attitude.update(half(axis.map(|part| part * angle / 2.0)), [0.0; 3], 1, NONE);
             }
             let [w, x, y, z] = attitude.quaternion;
             prop_assert!((w - (angle / 2.0).cos()).abs() < 3e-5);

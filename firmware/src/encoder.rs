@@ -26,11 +26,15 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 pub const SPIKE_US: u16 = 60;
 
 /// Number of edges of an encoder between two ticks that are none by motion nor in step with the motors' PWM above which its
-/// interrupt is off until the next tick. The PWM has 20 edges between two ticks at most.
+/// interrupt is off until the next tick.
 pub const MAX_GLITCHES: u8 = 24;
 
-/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed.
-const PWM_SPIKE: u8 = 6;
+/// Number of spikes in step with the motors' PWM above which it is off, too: four for each of the 20 edges of the PWM between two
+/// ticks.
+pub const MAX_PWM_SPIKES: u8 = 80;
+
+/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: a little more than [`SPIKE_US`].
+pub const PWM_SPIKE: u8 = 16;
 
 /// Returns whether a motor's PWM has just had an edge: at the count of 0, or at that after `compare`. A new compare value comes
 /// into force at 0 only, so that this edge may be a count away from it.
@@ -82,8 +86,6 @@ pub struct Filter {
     cancelled: u16,
     distance: u8,
     glitches: u8,
-    /// Number of spikes in step with the motors' PWM.
-    by_pwm: u8,
     /// The edges by motion: their number since the tick before, the position after them, the times of the last two, and the
     /// change of the position at the last one.
     number: u8,
@@ -105,7 +107,6 @@ impl Filter {
             cancelled: 0,
             distance: 0,
             glitches: 0,
-            by_pwm: 0,
             number: 0,
             count: 0,
             last: 0,
@@ -118,12 +119,6 @@ impl Filter {
     /// Sets the level of channel 1 from which edges count.
     pub fn start(&mut self, channel_1: bool) {
         self.level = channel_1;
-    }
-
-    /// Returns the level of channel 1 after the last edge.
-    #[inline(always)]
-    pub fn level(&self) -> bool {
-        self.level
     }
 
     /// Takes the level of channel 1 after an edge of it. `channel_2` returns that of channel 2; it is called last, if it is.
@@ -169,12 +164,6 @@ impl Filter {
         self.glitches > MAX_GLITCHES
     }
 
-    /// Counts a spike in step with the motors' PWM.
-    #[inline(always)]
-    pub fn reject_by_pwm(&mut self) {
-        self.by_pwm = self.by_pwm.wrapping_add(1);
-    }
-
     #[inline(always)]
     fn settle(&mut self) {
         self.before = self.last;
@@ -189,9 +178,10 @@ impl Filter {
         self.number = self.number.wrapping_add(1);
     }
 
-    /// Returns the edges up to `now`, when the clock is at `clock`, and begins the next tick.
+    /// Returns the edges up to `now`, when the clock is at `clock`, and begins the next tick. `pwm_spikes`: how many spikes were in
+    /// step with the motors' PWM.
     #[inline(never)]
-    pub fn take(&mut self, now: Micros, clock: u16) -> Edges {
+    pub fn take(&mut self, now: Micros, clock: u16, pwm_spikes: u8) -> Edges {
         if self.step != 0 && clock.wrapping_sub(self.time) >= SPIKE {
             self.settle();
             self.step = 0;
@@ -201,12 +191,11 @@ impl Filter {
             number: self.number,
             last: Edge { count: self.count, time: at(self.last) },
             before: Edge { count: self.count.wrapping_sub(i16::from(self.last_step)), time: at(self.before) },
-            glitches: self.glitches.saturating_add(self.by_pwm),
-            is_noisy: self.glitches > MAX_GLITCHES,
+            glitches: self.glitches.saturating_add(pwm_spikes),
+            is_noisy: self.glitches > MAX_GLITCHES || pwm_spikes > MAX_PWM_SPIKES,
         };
         self.number = 0;
         self.glitches = 0;
-        self.by_pwm = 0;
         edges
     }
 }

@@ -9,6 +9,7 @@
 //! | [`app`] | the steps of a tick, and the host's requests |
 //! | [`imu`] | the MPU6050: set-up, one reading per tick, failures |
 //! | [`calibration`] | the gyroscope's bias, averaged at rest |
+//! | [`gap`] | the turn in a time without readings |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
 //! | [`encoder`] | the edges of an encoder that are motion, and the speed of its flagellum |
 //! | [`motor`] | the bridges, control of speed and angle |
@@ -38,6 +39,7 @@ pub mod calibration;
 pub mod encoder;
 pub mod fault;
 pub mod fault_log;
+pub mod gap;
 pub mod guard;
 pub mod imu;
 pub mod link;

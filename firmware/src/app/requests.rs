@@ -12,6 +12,7 @@ use protocol::{
 use super::App;
 use crate::TICK_MS;
 use crate::calibration::GyroAverage;
+use crate::gap::Gap;
 use crate::guard::Guard;
 use crate::imu::Config;
 use crate::link::{Answer, Link, Outbox};
@@ -183,8 +184,9 @@ where
         self.settings = *settings;
         self.rescale();
         self.imu.configure(Config::from(settings));
-        // The new settings may map the axes differently.
+        // The new settings may map the axes differently, or have another range.
         self.attitude.restart();
+        self.gap = Gap::default();
         self.telemetry.attitude = Quaternion::IDENTITY;
         Ok(())
     }

@@ -7,11 +7,18 @@ use avr_device::interrupt::{self, CriticalSection, Mutex};
 use protocol::TICK_HZ;
 use protocol::units::Micros;
 
-use super::CPU_HZ;
+use super::{CPU_HZ, encoders};
 
 /// 16 MHz / 8: two counts per µs.
 const DIV_8: u8 = 0b010;
 const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
+
+/// Registers for interrupts that are written by hand, in the memory (section 31).
+pub const TIMSK1: u8 = 0x6F;
+pub const TCNT1L: u8 = 0x84;
+pub const OCR1BL: u8 = 0x8A;
+/// The bit of the alarm in TIMSK1.
+pub const ALARM: u8 = 1 << 2;
 
 /// The time at which the counter was last zero, µs.
 static BASE: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
@@ -72,6 +79,18 @@ pub fn counter() -> u16 {
     unsafe { &*TC1::ptr() }.tcnt1.read().bits()
 }
 
+/// Calls [`encoders::look_again`] once when the counter is at `counter`, or at once if it has been there since the last alarm.
+/// Interrupts are off.
+#[inline(always)]
+pub fn alarm(counter: u16) {
+    // SAFETY: interrupts are off; any value is valid in these registers.
+    unsafe {
+        let timer = &*TC1::ptr();
+        timer.ocr1b.write(|write| write.bits(counter));
+        timer.timsk1.modify(|_, write| write.ocie1b().set_bit());
+    }
+}
+
 /// Returns the time at which the counter was `counter`, less than a wrap ago.
 pub fn time_of(cs: CriticalSection, counter_then: u16) -> Micros {
     let elapsed = counter().wrapping_sub(counter_then) >> 1;
@@ -113,4 +132,13 @@ fn TIMER1_COMPA() {
     timer.ocr1a.modify(|read, write| write.bits(read.bits().wrapping_add(COUNTS_PER_TICK)));
     let due = DUE.borrow(cs);
     due.set(due.get().saturating_add(1));
+}
+
+#[avr_device::interrupt(atmega328p)]
+fn TIMER1_COMPB() {
+    // SAFETY: interrupts are off in an interrupt.
+    unsafe {
+        (*TC1::ptr()).timsk1.modify(|_, write| write.ocie1b().clear_bit());
+        encoders::look_again(CriticalSection::new());
+    }
 }

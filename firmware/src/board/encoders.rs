@@ -1,16 +1,21 @@
 //! The encoders: both edges of channel 1 interrupt, channel 2 gives the direction.
 //!
 //! Motor and encoder usually share a cable, where each edge of the PWM is a spike on the encoder's lines. So an interrupt just
-//! after such an edge reads the lines when the spike is over.
+//! after such an edge only notes that channel 1 has changed. If it changes back, that was a spike. If not, the edge is taken by its
+//! time when the lines are at rest, with the direction that channel 2 then gives: channel 2 changes half-way between edges of
+//! channel 1. Nothing waits meanwhile. That interrupt is written by hand: it takes some 70 cycles, where the compiler's, which takes
+//! the edge, takes 300.
 
-use core::cell::Cell;
+use core::arch::global_asm;
+use core::mem::{offset_of, size_of, take as replace};
 
 use avr_device::asm::delay_cycles;
 use avr_device::atmega328p::{EXINT, PORTD, TC0, TC2, exint};
-use avr_device::interrupt::{self, CriticalSection, Mutex};
-use firmware::encoder::{Edges, Filter, is_by_pwm};
+use avr_device::interrupt::{self, CriticalSection};
+use firmware::encoder::{Edges, Filter, MAX_PWM_SPIKES, PWM_SPIKE, is_by_pwm};
 
 use super::clock;
+use super::serial::{SCRATCH, SREG};
 
 /// INT0 and INT1 at any edge (section 13.2.1).
 const ANY_EDGE: u8 = 0b0101;
@@ -24,17 +29,44 @@ struct Bits {
     interrupt: u8,
 }
 
-const ENCODER_1: Bits = Bits { channel_1: 1 << 3, channel_2: 1 << 5, interrupt: 1 << 1 };
-const ENCODER_2: Bits = Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 };
+const BITS: [Bits; 2] = [
+    Bits { channel_1: 1 << 3, channel_2: 1 << 5, interrupt: 1 << 1 },
+    Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 },
+];
 
-/// Longer than a spike.
+/// Longer than a spike that is not in step with the PWM.
 const SPIKE_CYCLES: u32 = 64;
 
-static FILTERS: Mutex<Cell<[Filter; 2]>> = Mutex::new(Cell::new([Filter::new(); 2]));
+/// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
+const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
+
+/// An encoder. The interrupt that is written by hand uses the first four fields.
+#[repr(C)]
+struct Encoder {
+    /// Channel 1 after the last edge, as its bit of the port.
+    level: u8,
+    /// 1 if channel 1 has changed since, by a spike or by an edge.
+    has_changed: u8,
+    /// The clock's counter then.
+    changed: u16,
+    /// Number of spikes in step with the PWM.
+    spikes: u8,
+    bits: Bits,
+    filter: Filter,
+}
+
+impl Encoder {
+    const fn new(bits: Bits) -> Self {
+        Self { level: 0, has_changed: 0, changed: 0, spikes: 0, bits, filter: Filter::new() }
+    }
+}
+
+/// Only with interrupts off.
+static mut ENCODERS: [Encoder; 2] = [Encoder::new(BITS[0]), Encoder::new(BITS[1])];
 
 /// Turns the pull-ups on. With them, a disconnected encoder reads as still, which is found as a stall.
 pub fn pull_up(port: &PORTD) {
-    const CHANNELS: u8 = ENCODER_1.channel_1 | ENCODER_1.channel_2 | ENCODER_2.channel_1 | ENCODER_2.channel_2;
+    const CHANNELS: u8 = BITS[0].channel_1 | BITS[0].channel_2 | BITS[1].channel_1 | BITS[1].channel_2;
     // SAFETY: any value is valid in this register.
     port.portd.modify(|read, write| unsafe { write.bits(read.bits() | CHANNELS) });
 }
@@ -43,8 +75,10 @@ pub fn pull_up(port: &PORTD) {
 pub fn start(interrupts: &EXINT) {
     let levels = levels();
     interrupt::free(|cs| {
-        filter(cs, 0).start(levels & ENCODER_1.channel_1 != 0);
-        filter(cs, 1).start(levels & ENCODER_2.channel_1 != 0);
+        for encoder in encoders(cs) {
+            encoder.level = levels & encoder.bits.channel_1;
+            encoder.filter.start(encoder.level != 0);
+        }
     });
     // SAFETY: any value is valid in these registers.
     unsafe {
@@ -62,78 +96,87 @@ pub fn disable(interrupts: &EXINT) {
 /// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
 pub fn take() -> [Edges; 2] {
     // One after the other, because an interrupt that waits dates its edge late.
-    let edges = [
-        interrupt::free(|cs| filter(cs, 0).take(clock::now_within(cs), clock::counter())),
-        interrupt::free(|cs| filter(cs, 1).take(clock::now_within(cs), clock::counter())),
-    ];
+    let edges = [interrupt::free(|cs| take_of(cs, 0)), interrupt::free(|cs| take_of(cs, 1))];
     // SAFETY: any value is valid in the register. An interrupt that turns itself off meanwhile will do so again.
     unsafe { (*EXINT::ptr()).eimsk.write(|write| write.bits(INT0_INT1)) };
     edges
 }
 
-/// Takes an edge of an encoder at whose interrupt these were the levels of the port and the clock's counter. Returns whether
-/// the encoder is noisy.
 #[inline(never)]
-fn edge(filter: &mut Filter, mut port: u8, counter: u16, bits: Bits) -> bool {
+fn take_of(cs: CriticalSection, encoder: usize) -> Edges {
+    let encoder = &mut encoders(cs)[encoder];
+    encoder.filter.take(clock::now_within(cs), clock::counter(), replace(&mut encoder.spikes))
+}
+
+/// Takes a change of channel 1, at whose interrupt these were the levels of the port and the clock's counter.
+#[inline(never)]
+fn edge(encoder: &mut Encoder, mut port: u8, counter: u16) {
+    let Bits { channel_1, interrupt, .. } = encoder.bits;
     if pwm_disturbs() {
-        port = undisturbed(filter.level(), bits);
-        if filter.level() == (port & bits.channel_1 != 0) {
-            filter.reject_by_pwm();
-            return false;
+        // The edge of the PWM may be older than the levels.
+        if (port ^ encoder.level) & channel_1 != 0 && encoder.has_changed == 0 {
+            encoder.has_changed = 1;
+            encoder.changed = counter;
+            clock::alarm(counter.wrapping_add(REST));
         }
-    } else if flags().read().bits() & bits.interrupt != 0 {
-        port = levels_now(bits);
-        // Another edge has come since the interrupt, so that one of the two is that of a spike.
-        filter.reject(1);
+        return;
     }
-    filter.feed(port & bits.channel_1 != 0, counter, || {
-        // Channel 2 changes half-way between edges of channel 1, so that a change since then is a spike.
-        if (levels() ^ port) & bits.channel_2 != 0 {
+    if flags().read().bits() & interrupt != 0 {
+        port = levels_now(interrupt);
+        // Another edge has come since the interrupt, so that one of the two is that of a spike.
+        encoder.filter.reject(1);
+    }
+    settle(encoder, port, counter);
+}
+
+/// Takes the level of channel 1 when the PWM does not disturb it: it has changed before, or, if not, when the counter was `counter`.
+#[inline(never)]
+fn settle(encoder: &mut Encoder, mut port: u8, mut counter: u16) {
+    let Bits { channel_1, channel_2, interrupt } = encoder.bits;
+    if replace(&mut encoder.has_changed) != 0 {
+        counter = encoder.changed;
+        if (port ^ encoder.level) & channel_1 == 0 {
+            encoder.spikes = encoder.spikes.saturating_add(1);
+            return;
+        }
+    }
+    encoder.level = port & channel_1;
+    let is_noisy = encoder.filter.feed(encoder.level != 0, counter, || {
+        // Channel 2 changes half-way between edges of channel 1, so that a change since then is a spike: one by the PWM has
+        // just begun, another one is over soon.
+        if (levels() ^ port) & channel_2 != 0 && !pwm_disturbs() {
             delay_cycles(SPIKE_CYCLES);
-            while pwm_disturbs() {}
             port = levels();
         }
-        port & bits.channel_2 != 0
-    })
-}
-
-/// Returns the levels of the port at the end of a spike, when channel 1 is at `level` again, or at the end of the time in which
-/// there may be one.
-#[inline(never)]
-fn undisturbed(level: bool, bits: Bits) -> u8 {
-    let mut port = levels_now(bits);
-    // Another interrupt may last into the next spike.
-    while level != (port & bits.channel_1 != 0) && pwm_disturbs() {
-        with_others(bits.interrupt, || {
-            while level != (port & bits.channel_1 != 0) && pwm_disturbs() {
-                port = levels_now(bits);
-            }
-        });
-        port = levels_now(bits);
+        port & channel_2 != 0
+    });
+    if is_noisy {
+        // SAFETY: interrupts are off; any value is valid in the register.
+        unsafe { (*EXINT::ptr()).eimsk.modify(|read, write| write.bits(read.bits() & !interrupt)) };
     }
-    port
 }
 
-/// Waits in an encoder's interrupt, with the others on: bytes from the host come every 320 cycles, and an interrupt of the other
-/// encoder that waits dates its edge late.
-#[inline(always)]
-fn with_others(own: u8, wait: impl FnOnce()) {
-    // SAFETY: any value is valid in the register. With its own interrupt off, nothing else uses this encoder's filter.
-    unsafe {
-        let masks = &(*EXINT::ptr()).eimsk;
-        masks.modify(|read, write| write.bits(read.bits() & !own));
-        interrupt::enable();
-        wait();
-        interrupt::disable();
-        masks.modify(|read, write| write.bits(read.bits() | own));
+/// Takes the changes of channel 1 that no spike has ended, or looks again if the PWM disturbs the lines again.
+#[inline(never)]
+pub fn look_again(cs: CriticalSection) {
+    let (port, is_at_rest) = (levels(), !pwm_disturbs());
+    for encoder in encoders(cs) {
+        if encoder.has_changed == 0 {
+            continue;
+        }
+        if is_at_rest {
+            settle(encoder, port, 0);
+        } else {
+            clock::alarm(clock::counter().wrapping_add(REST / 4));
+        }
     }
 }
 
 /// Returns the levels of the port. A later edge of the encoder interrupts.
 #[inline(always)]
-fn levels_now(bits: Bits) -> u8 {
+fn levels_now(interrupt: u8) -> u8 {
     // SAFETY: a one clears the flag of this interrupt only.
-    flags().write(|write| unsafe { write.bits(bits.interrupt) });
+    flags().write(|write| unsafe { write.bits(interrupt) });
     levels()
 }
 
@@ -152,11 +195,11 @@ fn pwm_disturbs() -> bool {
         || is_by_pwm(timer2.tcnt2.read().bits(), timer2.ocr2a.read().bits())
 }
 
-/// Returns the filter of an encoder. No caller may keep it when it calls this again.
+/// Returns the encoders. No caller may keep them when it calls this again.
 #[inline(always)]
-fn filter(cs: CriticalSection<'_>, encoder: usize) -> &mut Filter {
-    // SAFETY: interrupts are off, or this encoder's own is, so that nothing else uses it.
-    unsafe { &mut *FILTERS.borrow(cs).as_ptr().cast::<Filter>().add(encoder) }
+fn encoders(_: CriticalSection<'_>) -> &mut [Encoder; 2] {
+    // SAFETY: interrupts are off, so that nothing else uses them.
+    unsafe { &mut *(&raw mut ENCODERS) }
 }
 
 #[inline(always)]
@@ -165,24 +208,157 @@ fn levels() -> u8 {
     unsafe { &*PORTD::ptr() }.pind.read().bits()
 }
 
-#[avr_device::interrupt(atmega328p)]
-fn INT1() {
-    // SAFETY: interrupts are off in an interrupt; any value is valid in the register.
-    unsafe {
-        let (port, counter) = (levels(), clock::counter());
-        if edge(filter(CriticalSection::new(), 0), port, counter, ENCODER_1) {
-            (*EXINT::ptr()).eimsk.modify(|_, write| write.int1().clear_bit());
-        }
-    }
+extern "avr-interrupt" fn edge_of_1() {
+    let (port, counter) = (levels(), clock::counter());
+    // SAFETY: interrupts are off in an interrupt.
+    edge(&mut encoders(unsafe { CriticalSection::new() })[0], port, counter);
 }
 
-#[avr_device::interrupt(atmega328p)]
-fn INT0() {
+extern "avr-interrupt" fn edge_of_2() {
+    let (port, counter) = (levels(), clock::counter());
     // SAFETY: as above.
-    unsafe {
-        let (port, counter) = (levels(), clock::counter());
-        if edge(filter(CriticalSection::new(), 1), port, counter, ENCODER_2) {
-            (*EXINT::ptr()).eimsk.modify(|_, write| write.int0().clear_bit());
-        }
-    }
+    edge(&mut encoders(unsafe { CriticalSection::new() })[1], port, counter);
 }
+
+/// The interrupts' registers: those below 0x40 in the space of input and output, the others in the memory (section 31).
+const PIND: u8 = 0x09;
+const EIFR: u8 = 0x1C;
+const EIMSK: u8 = 0x1D;
+const TCNT0: u8 = 0x26;
+const OCR0A: u8 = 0x27;
+const TCNT2: u8 = 0xB2;
+const OCR2A: u8 = 0xB3;
+
+/// Returns the place of a field of an encoder in [`ENCODERS`].
+const fn place(encoder: usize, field: usize) -> usize {
+    encoder * size_of::<Encoder>() + field
+}
+
+/// The interrupt of an encoder. As [`is_by_pwm`] has it, for both timers, then [`edge`] without the PWM, or what comes of a change
+/// with it.
+macro_rules! interrupt_of {
+    ($vector:literal, $encoder:literal, $edge:ident) => {
+        global_asm!(
+            concat!(".global ", $vector),
+            concat!($vector, ":"),
+            "out {scratch}, r24",
+            "in r24, {sreg}",
+            "push r24",
+            "push r25",
+            "in r24, {tcnt0}",
+            "cpi r24, {spike}",
+            "brcs 1f",
+            "in r25, {ocr0a}",
+            "sub r24, r25",
+            "cpi r24, {spike} + 1",
+            "brcs 1f",
+            "lds r24, {tcnt2}",
+            "cpi r24, {spike}",
+            "brcs 1f",
+            "lds r25, {ocr2a}",
+            "sub r24, r25",
+            "cpi r24, {spike} + 1",
+            "brcs 1f",
+            "pop r25",
+            "pop r24",
+            "out {sreg}, r24",
+            "in r24, {scratch}",
+            "jmp {edge}",
+            // What comes from here on interrupts again.
+            "1:",
+            "push r30",
+            "mov r25, r24",
+            "ldi r24, {interrupt}",
+            "out {eifr}, r24",
+            "in r24, {pind}",
+            "lds r30, {encoders} + {level}",
+            "eor r24, r30",
+            "lds r30, {encoders} + {has_changed}",
+            "andi r24, {channel_1}",
+            "brne 3f",
+            // Unchanged: the spike is over.
+            "sts {encoders} + {has_changed}, r24",
+            "tst r30",
+            "breq 2f",
+            "lds r30, {encoders} + {other_has_changed}",
+            "tst r30",
+            "brne 2f",
+            "lds r30, {timsk1}",
+            "andi r30, {without_alarm}",
+            "sts {timsk1}, r30",
+            "2:",
+            "lds r24, {encoders} + {spikes}",
+            "inc r24",
+            "sts {encoders} + {spikes}, r24",
+            "cpi r24, {most} + 1",
+            "brcc 4f",
+            "5:",
+            "pop r30",
+            "pop r25",
+            "pop r24",
+            "out {sreg}, r24",
+            "in r24, {scratch}",
+            "reti",
+            // Changed, for the first time since the last edge: looks again at the end of the time since the PWM's edge, which is in
+            // r25.
+            "3:",
+            "tst r30",
+            "brne 5b",
+            "ldi r30, 1",
+            "sts {encoders} + {has_changed}, r30",
+            "lds r24, {tcnt1}",
+            "lds r30, {tcnt1} + 1",
+            "sts {encoders} + {changed}, r24",
+            "sts {encoders} + {changed} + 1, r30",
+            "lsl r25",
+            "lsl r25",
+            "lsl r25",
+            "subi r24, lo8(-({rest}))",
+            "sbci r30, hi8(-({rest}))",
+            "sub r24, r25",
+            "sbci r30, 0",
+            "sts {ocr1b} + 1, r30",
+            "sts {ocr1b}, r24",
+            "lds r24, {timsk1}",
+            "ori r24, {alarm}",
+            "sts {timsk1}, r24",
+            "rjmp 5b",
+            // Too many: off until the next tick.
+            "4:",
+            "in r24, {eimsk}",
+            "andi r24, {without_interrupt}",
+            "out {eimsk}, r24",
+            "rjmp 5b",
+            sreg = const SREG,
+            scratch = const SCRATCH,
+            tcnt0 = const TCNT0,
+            ocr0a = const OCR0A,
+            tcnt2 = const TCNT2,
+            ocr2a = const OCR2A,
+            spike = const PWM_SPIKE,
+            edge = sym $edge,
+            interrupt = const BITS[$encoder].interrupt,
+            without_interrupt = const !BITS[$encoder].interrupt,
+            channel_1 = const BITS[$encoder].channel_1,
+            eifr = const EIFR,
+            eimsk = const EIMSK,
+            pind = const PIND,
+            tcnt1 = const clock::TCNT1L,
+            ocr1b = const clock::OCR1BL,
+            timsk1 = const clock::TIMSK1,
+            alarm = const clock::ALARM,
+            without_alarm = const !clock::ALARM,
+            rest = const REST,
+            most = const MAX_PWM_SPIKES,
+            encoders = sym ENCODERS,
+            level = const place($encoder, offset_of!(Encoder, level)),
+            has_changed = const place($encoder, offset_of!(Encoder, has_changed)),
+            other_has_changed = const place(1 - $encoder, offset_of!(Encoder, has_changed)),
+            changed = const place($encoder, offset_of!(Encoder, changed)),
+            spikes = const place($encoder, offset_of!(Encoder, spikes)),
+        );
+    };
+}
+
+interrupt_of!("__vector_2", 0, edge_of_1);
+interrupt_of!("__vector_1", 1, edge_of_2);

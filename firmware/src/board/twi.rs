@@ -163,19 +163,30 @@ impl Twi {
                         }
                     }
                 }
-                Operation::Read(bytes) => {
-                    // The last byte is not acknowledged, which ends the transfer.
-                    let last = bytes.len().saturating_sub(1);
-                    for (index, byte) in bytes.iter_mut().enumerate() {
-                        let (acknowledge, expected) =
-                            if index < last { (TWEA, status::READ_ACK) } else { (0, status::READ_NACK) };
-                        if self.step(acknowledge)? != expected {
-                            return Err(Error::Bus);
-                        }
-                        *byte = self.registers.twdr.read().bits();
-                    }
-                }
+                Operation::Read(bytes) => self.read(bytes)?,
             }
+        }
+        Ok(())
+    }
+
+    /// Reads bytes. Each of them comes while the one before is kept.
+    fn read(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+        let mut left = bytes.len() as u8;
+        // The last one is not acknowledged, which ends the transfer.
+        let acknowledge = |left| if left > 1 { TWEA } else { 0 };
+        self.control(TWINT | acknowledge(left));
+        for byte in bytes {
+            self.wait_while(TWINT, 0)?;
+            let (status, value) = (self.registers.twsr.read().bits() & 0xF8, self.registers.twdr.read().bits());
+            let expected = if left > 1 { status::READ_ACK } else { status::READ_NACK };
+            left -= 1;
+            if left > 0 {
+                self.control(TWINT | acknowledge(left));
+            }
+            if status != expected {
+                return Err(Error::Bus);
+            }
+            *byte = value;
         }
         Ok(())
     }

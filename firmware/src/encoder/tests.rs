@@ -9,7 +9,7 @@ fn clock(us: u32) -> u16 {
 }
 
 fn take(filter: &mut Filter, us: u32) -> Edges {
-    filter.take(Micros(us), clock(us))
+    filter.take(Micros(us), clock(us), 0)
 }
 
 /// A shaft with its encoder and the line of channel 1.
@@ -368,18 +368,18 @@ fn a_speed_too_high_for_its_number_saturates() {
 }
 
 #[test]
-fn the_24_us_after_each_edge_of_the_pwm_are_known() {
+fn the_64_us_after_each_edge_of_the_pwm_are_known() {
     // A pulse of 101 counts, of 4 µs each.
     let after: Vec<u8> = (0..=255).filter(|count| is_by_pwm(*count, 100)).collect();
-    assert_eq!(after, (0..6).chain(100..107).collect::<Vec<_>>());
+    assert_eq!(after, (0..16).chain(100..117).collect::<Vec<_>>());
     assert!(is_by_pwm(1, 251) && !is_by_pwm(250, 251), "across the end of a period");
 }
 
 #[test]
-fn spikes_in_step_with_the_pwm_are_counted_and_are_no_noise() {
+fn spikes_in_step_with_the_pwm_are_counted_and_are_no_noise_up_to_four_for_each_of_its_edges() {
     let mut filter = Filter::new();
-    (0..40).for_each(|_| filter.reject_by_pwm());
-    let edges = take(&mut filter, TICK_US);
-    assert_eq!((edges.glitches, edges.is_noisy), (40, false));
-    assert_eq!(take(&mut filter, 2 * TICK_US).glitches, 0);
+    for (spikes, is_noisy) in [(40, false), (80, false), (81, true), (0, false)] {
+        let edges = filter.take(Micros(TICK_US), clock(TICK_US), spikes);
+        assert_eq!((edges.glitches, edges.is_noisy), (spikes, is_noisy));
+    }
 }

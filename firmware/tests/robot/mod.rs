@@ -288,7 +288,7 @@ impl Bench {
         let tick = Tick {
             time: Micros(self.now),
             missed,
-            edges: self.encoders.each_mut().map(|encoder| encoder.filter.take(Micros(self.now), clock(self.now))),
+            edges: self.encoders.each_mut().map(|encoder| encoder.filter.take(Micros(self.now), clock(self.now), 0)),
             bandgap_counts: self.bandgap_counts,
         };
         self.app.tick(&tick, &mut self.outbox, |_| {});

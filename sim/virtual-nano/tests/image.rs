@@ -10,8 +10,6 @@ const FLASH: u64 = 29_200;
 const RAM: u64 = 1_450;
 /// Of 80,000 cycles.
 const WORST_TICK: u64 = 60_000;
-/// The same where a cable disturbs both encoders with the motors' PWM while the host fills the line.
-const WORST_TICK_WITH_SPIKES: u64 = 70_000;
 
 #[test]
 fn the_image_fits_with_room_to_spare() {
@@ -64,7 +62,7 @@ struct Load {
 
 /// Each encoder is off for the rest of a tick after as many edges as the program allows.
 const TONES: &[&str] = &["tone=20000,1,1", "tone=20000,2,1"];
-/// The program waits for the end of each.
+/// On both lines of both encoders, at each edge of either motor's PWM.
 const PWM_SPIKES: [&[&str]; 2] = [&["pwm-spikes=2,1"], &["pwm-spikes=20,1"]];
 
 const SETTINGS: Settings = Settings { board_id: 5, ..Settings::DEFAULT };
@@ -135,16 +133,28 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
         println!("| {name} | {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
         let stops = noise == TONES;
         assert_eq!((last.fault != Fault::None, last.missed_ticks.0, last.unsent.0), (stops, 0, 0), "{name}");
-        // What the processor has no time for is dropped; a host sends far less. Among spikes it may miss a byte.
-        let missed = sent - answered;
-        let is_spiked = PWM_SPIKES.contains(&noise);
-        assert!(
-            answered > 0 && (missed == 0 || share > 0.1 || is_spiked && 50 * missed < sent),
-            "{answered} of {sent}"
-        );
+        // What the processor has no time for is dropped; a host sends far less.
+        assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
         let ram = u64::from(host.board.static_bytes().unwrap() + host.board.deepest_stack().unwrap());
         assert!(ram <= RAM, "{name}: {ram} bytes of RAM");
-        let limit = if is_spiked { WORST_TICK_WITH_SPIKES } else { WORST_TICK };
-        assert!(tick.worst <= limit, "{name}: {} cycles", tick.worst);
+        assert!(tick.worst <= WORST_TICK, "{name}: {} cycles", tick.worst);
+    }
+}
+
+/// Where long wires make the sensor's bus slow, a tick takes longer than [`WORST_TICK`] under such loads. Nothing is lost by that: the
+/// next tick still begins in time.
+#[test]
+fn a_slow_bus_under_any_load_of_the_line_misses_no_tick() {
+    for spikes in [&["bus-rise=4"][..], &["bus-rise=4", "pwm-spikes=20,1"], &["bus-rise=4", "pwm-spikes=55,1"]] {
+        let load = Load { noise: spikes, ..Load::new("settings read", &[Command::ReadSettings], 1.0) };
+        let (host, sent, answered) = load.bear();
+        let (worst, last) = (host.board.marks().tick().worst, host.last());
+        println!(
+            "| settings read with {} | 100 % | {sent} | {answered} | {worst} | {} |",
+            spikes.join(", "),
+            last.unsent.0
+        );
+        assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0), "{spikes:?}");
+        assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
     }
 }

@@ -1,12 +1,19 @@
 //! A time without a reading of the sensor in a run, though the board's frames came: the sensor's wiring or supply failed for a
-//! moment. The board bridges it with the mean of the rates before and after, and names a fault after 0.2 s.
+//! moment. The board bridges it by the rates before and after and their slopes, and names a fault after 0.2 s.
 
 use super::data::Data;
+use crate::attitude::Reading;
 use std::ops::Range;
 
 /// Longest time between two readings that does not count, s: a robot that swings by 5 degrees at 90 rpm then turns by up to
-/// 0.06 degrees from where the mean of the rates puts it.
-const BRIDGED_S: f64 = 0.055;
+/// 0.05 degrees from where the board puts it.
+const BRIDGED_S: f64 = 0.14;
+
+/// The same where other readings are missing just before or after it, s: the board then has no slopes.
+const BRIDGED_ALONE_S: f64 = 0.05;
+
+/// Readings in a row from which the board takes a slope.
+const SLOPE_READINGS: usize = 4;
 
 /// Interval of the board's frames, s.
 const FRAME_S: f64 = 0.005;
@@ -19,9 +26,16 @@ pub(super) fn longest(data: &Data) -> Option<Range<f64>> {
         within as f64 > 0.5 * (gap.end - gap.start) / FRAME_S
     };
     let readings = &data.readings[data.readings.partition_point(|(time_s, _)| *time_s < data.times.run.start)..];
-    let gaps = readings.windows(2).map(|pair| pair[0].0..pair[1].0);
-    gaps.filter(|gap| gap.end - gap.start > BRIDGED_S + 0.5 * FRAME_S && has_frames(gap))
-        .max_by(|a, b| (a.end - a.start).total_cmp(&(b.end - b.start)))
+    let is_missing = |pair: &[(f64, Reading)]| pair[1].0 - pair[0].0 > 1.5 * FRAME_S;
+    let gaps = (0..readings.len().saturating_sub(1)).filter_map(|first| {
+        let gap = readings[first].0..readings[first + 1].0;
+        let before = &readings[first.saturating_sub(SLOPE_READINGS - 1)..=first];
+        let after = &readings[first + 1..readings.len().min(first + 1 + SLOPE_READINGS)];
+        let is_alone = ![before, after].iter().any(|beside| beside.windows(2).any(is_missing));
+        let bridged_s = if is_alone { BRIDGED_S } else { BRIDGED_ALONE_S };
+        (gap.end - gap.start > bridged_s + 0.5 * FRAME_S && has_frames(&gap)).then_some(gap)
+    });
+    gaps.max_by(|a, b| (a.end - a.start).total_cmp(&(b.end - b.start)))
 }
 
 #[cfg(test)]
@@ -34,13 +48,13 @@ mod tests {
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry};
     use std::path::Path;
 
-    /// A trial of 4 s with a run from 1 s on, and no readings, or no frames, between two times.
-    fn trial(gap: Range<f64>, has_frames: bool) -> Data {
+    /// A trial of 4 s with a run from 1 s on, and no readings, or no frames, between some times.
+    fn trial(gaps: &[Range<f64>], has_frames: bool) -> Data {
         let mut collector = Collector::new(Want::default(), FORMAT);
         collector.event(1.0, Kind::Phase, "run");
         for tick in 0..800 {
             let time_s = FRAME_S * f64::from(tick);
-            let imu_fresh = !gap.contains(&time_s);
+            let imu_fresh = !gaps.iter().any(|gap| gap.contains(&time_s));
             if !imu_fresh && !has_frames {
                 continue;
             }
@@ -62,10 +76,17 @@ mod tests {
 
     #[test]
     fn a_gap_counts_in_the_run_and_among_frames_if_the_board_cannot_bridge_it() {
-        let found = longest(&trial(2.0..2.1, true)).expect("a gap of 100 ms");
-        assert!((found.start - 1.995).abs() < 1e-9 && (found.end - 2.1).abs() < 1e-9, "{found:?}");
-        for (gap, has_frames) in [(2.0..2.043, true), (0.5..0.8, true), (2.0..2.4, false)] {
-            assert_eq!(longest(&trial(gap.clone(), has_frames)), None, "{gap:?}");
+        let found = longest(&trial(&[2.0..2.16], true)).expect("a gap of 160 ms");
+        assert!((found.start - 1.995).abs() < 1e-9 && (found.end - 2.16).abs() < 1e-9, "{found:?}");
+        for (gap, has_frames) in [(2.0..2.12, true), (0.5..0.8, true), (2.0..2.4, false)] {
+            assert_eq!(longest(&trial(std::slice::from_ref(&gap), has_frames)), None, "{gap:?}");
+        }
+    }
+
+    #[test]
+    fn a_gap_beside_another_one_counts_sooner() {
+        for (other, counts) in [(2.113..2.12, true), (1.982..1.988, true), (2.2..2.21, false)] {
+            assert_eq!(longest(&trial(&[2.0..2.1, other.clone()], true)).is_some(), counts, "{other:?}");
         }
     }
 }

@@ -61,17 +61,25 @@ fn run(width_us: f64, rpm: f64, (cables, channel): (u8, u8), ms: u64) -> Run {
     run
 }
 
-/// Spikes that last longer than the time in which the board expects them turn the direction of some edges, where C1 has none.
+/// The board reads its encoders when spikes of up to 56 us are over. Longer ones make edges of their own.
 #[test]
-fn pwm_spikes_that_are_too_long_are_noticed() {
-    for (width_us, rpm) in [(30.0, 50.0), (45.0, 17.3)] {
-        let run = run(width_us, rpm, (2, 2), 3000);
+fn pwm_spikes_are_right_up_to_the_longest_that_the_board_knows_and_longer_ones_are_a_fault() {
+    for (width_us, rpm, cable) in
+        [(30.0, 51.3, (2, 2)), (45.0, 17.3, (2, 2)), (55.0, 61.9, (1, 0)), (70.0, 43.7, (1, 0))]
+    {
+        let run = run(width_us, rpm, cable, 3000);
         row(
-            format!("PWM spikes of {width_us} us on C2, a cable each, {rpm} rpm"),
-            format!("{:?}, speed off by {:.0} %; {:.0} glitches/s", run.fault, 100.0 * run.turned, run.glitches_hz),
-            "10 glitches in 3 s",
+            format!("PWM spikes of {width_us} us, cables and channels {cable:?}, {rpm} rpm"),
+            format!(
+                "{:?}, off by: speed {:.2} %, position {:.2} %",
+                run.fault,
+                100.0 * run.turned,
+                100.0 * run.position
+            ),
+            "1 %, 0.5 %, or a fault",
         );
-        assert!(run.glitches_hz > 10.0 / 3.0, "{}", run.glitches_hz);
+        let is_failed = matches!(run.fault, Fault::Encoder1Failed | Fault::Encoder2Failed);
+        assert_eq!((run.fault == Fault::None && run.is_right(), is_failed), (width_us < 60.0, width_us > 60.0));
     }
 }
 
