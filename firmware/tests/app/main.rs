@@ -150,6 +150,46 @@ fn missed_ticks_are_counted_and_made_up_for_in_the_attitude() {
     assert!((2.0 * z.atan2(w).to_degrees() - 45.0).abs() < 1.0);
 }
 
+fn yaw_deg(bench: &mut Bench) -> f64 {
+    let [w, .., z] = bench.look().attitude.to_f64();
+    2.0 * z.atan2(w).to_degrees()
+}
+
+#[test]
+fn the_yaw_of_a_swing_is_right_after_a_gap() {
+    /// 5 degrees at 90 rpm.
+    fn swing(missed: u8) -> f64 {
+        let mut bench = streaming();
+        bench.ticks(10);
+        for tick in (0..50).chain(50 + u32::from(missed)..120) {
+            let angle = 1.5 * std::f64::consts::TAU * 0.005 * f64::from(tick);
+            bench.world.set_sample([0, 0, 16384], [1, 1, (131.0 * 47.1 * angle.sin()) as i16 | 1]);
+            bench.tick_after(if tick == 50 + u32::from(missed) { missed } else { 0 });
+        }
+        yaw_deg(&mut bench)
+    }
+    let whole = swing(0);
+    for missed in [1, 4, 13, 26] {
+        let off = swing(missed) - whole;
+        assert!(off.abs() < 0.05, "{off} degrees by {missed} ticks");
+    }
+}
+
+#[test]
+fn the_slope_before_new_settings_is_none_of_their_gap() {
+    let mut bench = streaming();
+    for tick in 0..30 {
+        bench.world.set_sample([0, 0, 16384], [1, 1, 400 * tick + 1]);
+        bench.tick();
+    }
+    let settings = Settings { gyro_range: GyroRange::Dps500, ..Settings::DEFAULT };
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    bench.world.set_sample([0, 0, 16384], [1, 1, 1]);
+    bench.ticks(60);
+    let yaw_deg = yaw_deg(&mut bench);
+    assert!(yaw_deg.abs() < 0.05, "{yaw_deg}");
+}
+
 #[test]
 fn speeds_are_controlled_in_both_directions() {
     let mut bench = running();
