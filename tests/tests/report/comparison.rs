@@ -138,6 +138,15 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     let alone = view(&mut browser);
     press(&mut browser, "[data-show=forces]");
     let bare = view(&mut browser);
+    press(&mut browser, "[data-show=trails]");
+    let still = view(&mut browser);
+    press(&mut browser, "[data-show=trails]");
+    assert!(view(&mut browser) == bare && still != bare);
+    // The camera turns with the yaw of the robot, and back.
+    press(&mut browser, "[data-camera=follow]");
+    let followed = view(&mut browser);
+    press(&mut browser, "[data-camera=follow]");
+    assert!(view(&mut browser) == bare && followed != bare);
     press(&mut browser, "[data-look=top]");
     let top = view(&mut browser);
     assert!(whole != alone && alone != bare && bare != top);

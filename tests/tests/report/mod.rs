@@ -107,6 +107,19 @@ fn trial_page_shows_the_values_of_the_log() {
          if (performance.now() < end) requestAnimationFrame(count); else done(frames); }; count(); })",
     );
     println!("played at {rate} frames a second, drawn without a graphics card");
+    // What limits that rate: the page's own work, or the pixels that a processor draws in place of a graphics card.
+    let costs = browser.evaluate(
+        "(() => { const Renderer = biflag.Renderer.prototype; const draw = Renderer.draw; const scene = biflag.Scene.prototype.draw; \
+         const spent = { scene: 0, pixels: 0 }; let frames = 0; \
+         Renderer.draw = function (...all) { const begun = performance.now(); const picture = draw.apply(this, all); \
+         spent.pixels += performance.now() - begun; return picture; }; \
+         biflag.Scene.prototype.draw = function (time) { const begun = performance.now(); scene.call(this, time); \
+         spent.scene += performance.now() - begun; frames += 1; }; \
+         return new Promise((done) => setTimeout(() => { Renderer.draw = draw; biflag.Scene.prototype.draw = scene; \
+         done([spent.scene / frames, spent.pixels / frames]); }, 1000)); })()",
+    );
+    let [all_ms, pixels_ms] = [0, 1].map(|i| costs[i].as_f64().expect("frames were drawn"));
+    println!("a frame takes {all_ms:.1} ms, {pixels_ms:.1} ms of them for the pixels");
     assert!(view(&mut browser) != before);
     browser.evaluate("document.querySelector('.scene canvas').focus()");
     browser.key(" ", 32);

@@ -10,7 +10,7 @@ use super::text::clip;
 use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};
 use sim::contact::bundling::Bundling;
-use sim::params::Robot;
+use sim::params::{Face, Robot, Tank};
 use std::ops::Range;
 use study::attitude::Columns;
 use study::trial::{Data, Event, LinkSecond, Shapes, Zeroed};
@@ -82,6 +82,8 @@ pub(super) struct Curves {
     pub shapes_per_s: f64,
     pub has_uncertainty: bool,
     pub has_forces: bool,
+    /// Whether the robot file has the size of the tank.
+    pub has_tank: bool,
 }
 
 impl Curves {
@@ -143,6 +145,7 @@ impl Curves {
             motors_range_s: motors.range_s(),
             forces_range_s: forces.as_ref().and_then(super::table::Fitted::range_s),
             has_forces: forces.is_some(),
+            has_tank: !robots[0]["tank"].is_null(),
             shapes_per_s: robots[0]["shapes"]["per_s"].as_f64().unwrap_or(0.0),
             has_uncertainty: attitude.samples.values[UNCERTAINTY].iter().any(|value| value.is_finite()),
         };
@@ -165,8 +168,16 @@ pub(super) fn drawn(
     of_flagella: &Shapes,
     shapes_bytes: usize,
 ) -> Value {
+    let corner = |tank: &Tank, faces: [Face; 3]| faces.map(|face| tank.place(face));
+    let tank = robot.tank.as_ref().map(|tank| {
+        json!({
+            "low_m": corner(tank, [Face::MinusX, Face::MinusY, Face::MinusZ]),
+            "high_m": corner(tank, [Face::PlusX, Face::PlusY, Face::PlusZ]),
+        })
+    });
     json!({
         "shift_s": shift_s,
+        "tank": tank,
         "turns": { "time": times(&turns.time_s), "one": single(&turns.values[0]), "two": single(&turns.values[1]) },
         "shapes": shapes::page(of_flagella, robot, shapes_bytes),
         "body": {

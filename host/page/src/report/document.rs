@@ -9,7 +9,7 @@ pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"))
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
 /// What draws a trial: charts and the robot.
-const DRAWING: [&str; 9] = [
+const DRAWING: [&str; 10] = [
     include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
     include_str!("assets/data.js"),
@@ -17,6 +17,7 @@ const DRAWING: [&str; 9] = [
     include_str!("assets/chart.js"),
     include_str!("assets/gl.js"),
     include_str!("assets/mesh.js"),
+    include_str!("assets/tank.js"),
     include_str!("assets/robot.js"),
     include_str!("assets/scene.js"),
 ];

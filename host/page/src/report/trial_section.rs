@@ -196,6 +196,9 @@ fn scene(view: &View) -> Markup {
                 @for (look, name) in LOOKS { button type="button" data-look=(look) { (name) } }
                 @if let Some(other) = view.other_name() { button type="button" aria-pressed="true" data-show="ghost" { (study::text::capitalised(other)) } }
                 @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
+                button type="button" aria-pressed="true" data-show="trails" { "Trails" }
+                button type="button" aria-pressed="false" data-camera="follow" { "Follow" }
+                button type="button" aria-pressed="false" data-camera="fly" { "Fly-by" }
                 button.view-in type="button" aria-label="Zoom in" { "+" }
                 button.view-out type="button" aria-label="Zoom out" { "−" }
             }
@@ -207,6 +210,9 @@ fn scene(view: &View) -> Markup {
                     "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
                 }
                 @if view.curves.has_forces { "Arrows: " (forces) " of the flagella on the base. " }
+                @if view.curves.has_forces && view.curves.shapes_per_s > 0.0 { "Yellow light: the flagella touch. " }
+                "Lines behind the tips: their last two seconds. "
+                (if view.curves.has_tank { "The box is the tank of the robot file. " } else { "The robot file has no tank: the box only shows up and down. " })
                 "The pointers on the ring show the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
             }
         }

@@ -23,6 +23,7 @@ biflag.Address = class {
       if (trial.hidden.size) parts.hide = [...trial.hidden].join(",");
       const off = Object.keys(shown).filter((name) => !shown[name]);
       if (off.length) parts.off = off.join(",");
+      if (trial.scene.camera !== "still") parts.camera = trial.scene.camera;
       const same = (other) => Object.entries(other).every(([key, value]) => view[key] === value);
       const named = Object.entries(biflag.Scene.VIEWS).find(([, other]) => same(other));
       parts.look = named?.[0] ?? short([view.azimuth, view.elevation, view.zoom]) + (view.flat ? ",flat" : "");
@@ -45,6 +46,7 @@ biflag.Address = class {
     if (parts.t && time >= 0 && time <= trial.end) trial.time = time;
     for (const name of (parts.hide ?? "").split(",").filter(Boolean)) trial.hidden.add(name);
     for (const name of (parts.off ?? "").split(",")) if (name in trial.scene.shown) trial.scene.shown[name] = false;
+    if (["follow", "fly"].includes(parts.camera)) trial.scene.camera = parts.camera;
     const named = biflag.Scene.VIEWS[parts.look];
     if (named) trial.scene.view = { ...named };
     const [azimuth, elevation, zoom] = numbers(parts.look?.replace(",flat", ""));

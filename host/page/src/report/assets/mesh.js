@@ -64,8 +64,9 @@ biflag.Mesh = class {
     }
   }
 
-  /** A round rod along a line, with rounded ends. Its cross-sections turn as little as they can. */
+  /** A round rod along a line, with rounded ends. Its cross-sections turn as little as they can. `radius` may vary by point. */
   tube(line, radius, colour, sides = 12) {
+    const radiusAt = typeof radius === "function" ? radius : () => radius;
     const tangent = (i) => biflag.unit(biflag.minus(line[Math.min(i + 1, line.length - 1)], line[Math.max(i - 1, 0)]));
     let [u] = biflag.across(tangent(0));
     let last = null;
@@ -80,7 +81,7 @@ biflag.Mesh = class {
       if (last) corners.forEach((corner, i) => this.square(last[i], last[(i + 1) % sides], corners[(i + 1) % sides], corner));
       last = corners;
     };
-    const cap = (centre, along, end) => {
+    const cap = (centre, along, end, radius) => {
       const leans = [90, 60, 30].map((degrees) => (end * degrees * Math.PI) / 180);
       for (const lean of end < 0 ? leans : leans.reverse()) {
         ring(centre.map((x, k) => x + radius * Math.sin(lean) * along[k]), along, radius * Math.cos(lean), lean);
@@ -90,9 +91,9 @@ biflag.Mesh = class {
       const along = tangent(i);
       const slip = biflag.dot(u, along);
       u = biflag.unit(u.map((x, k) => x - slip * along[k]));
-      if (i === 0) cap(centre, along, -1);
-      ring(centre, along, radius, 0);
-      if (i === line.length - 1) cap(centre, along, 1);
+      if (i === 0) cap(centre, along, -1, radiusAt(i));
+      ring(centre, along, radiusAt(i), 0);
+      if (i === line.length - 1) cap(centre, along, 1, radiusAt(i));
     }
   }
 
@@ -147,6 +148,31 @@ biflag.smooth = (points, pieces) => {
   }
   smooth.push(points[points.length - 1]);
   return smooth;
+};
+
+/**
+ * Places between two lines where they are no farther apart than `reach`, with a tolerance for what the page rounds and
+ * interpolates: the nearest pairs of points, each some way from the others. Without any, the nearest pair of all.
+ */
+biflag.touching = ([one, two], reach) => {
+  const near = [];
+  let least = Infinity;
+  let closest = null;
+  for (const a of one) {
+    for (const b of two) {
+      const square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2;
+      const pair = () => ({ square, place: [0, 1, 2].map((i) => (a[i] + b[i]) / 2) });
+      if (square < (1.12 * reach) ** 2) near.push(pair());
+      else if (square < least) [least, closest] = [square, pair()];
+    }
+  }
+  near.sort((a, b) => a.square - b.square);
+  const kept = [];
+  for (const { place } of near) {
+    if (kept.length === biflag.LIGHTS) break;
+    if (kept.every((other) => Math.hypot(...biflag.minus(place, other)) > 1.5 * reach)) kept.push(place);
+  }
+  return kept.length || !closest ? kept : [closest.place];
 };
 
 /** A colour of the page as three numbers from 0 to 1. */

@@ -47,12 +47,19 @@ biflag.Trial = class {
     const each = (selector, act) => this.section.querySelectorAll(selector).forEach((element) => element.addEventListener("click", () => act(element)));
     each("[data-look]", (button) => this.scene.look(button.dataset.look));
     each("[data-show]", (button) => this.toggleSolid(button.dataset.show));
+    each("[data-camera]", (button) => this.moveCamera(button.dataset.camera));
     each("[data-curve]", (button) => this.toggleCurve(button.dataset.curve));
     biflag.addSaveButtons(this.section, this);
     for (const link of this.section.querySelectorAll("[data-seek]")) link.addEventListener("click", () => this.seek(Number(link.dataset.seek)));
   }
 
-  /** Shows or hides the ghost or the forces. */
+  /** Lets the camera follow or fly, or stand still again. */
+  moveCamera(name) {
+    this.scene.move(name);
+    this.pressed();
+  }
+
+  /** Shows or hides the ghost, the forces or the trails. */
   toggleSolid(name) {
     this.scene.shown[name] = !this.scene.shown[name];
     this.pressed();
@@ -72,6 +79,7 @@ biflag.Trial = class {
     const press = (selector, is) => this.section.querySelectorAll(selector).forEach((button) => button.setAttribute("aria-pressed", is(button)));
     press("[data-curve]", (button) => !this.hidden.has(button.dataset.curve));
     press("[data-show]", (button) => this.scene.shown[button.dataset.show]);
+    press("[data-camera]", (button) => this.scene.camera === button.dataset.camera);
   }
 
   /** After the view has changed: draws it, and puts it into the page's address. */
@@ -105,7 +113,11 @@ biflag.Trial = class {
 
   step(now) {
     if (!this.playing) return;
-    if (this.last !== null) this.time = Math.min(this.time + ((now - this.last) / 1000) * Number(this.rate.value), this.end);
+    if (this.last !== null) {
+      const passed_s = (now - this.last) / 1000;
+      this.time = Math.min(this.time + passed_s * Number(this.rate.value), this.end);
+      if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.scene.flown_s += passed_s;
+    }
     this.last = now;
     this.show();
     if (this.time >= this.end) this.toggle();

@@ -3,9 +3,10 @@
 "use strict";
 
 biflag.Robot = class {
-  constructor({ shift_s, turns, shapes, body }) {
+  constructor({ shift_s, turns, shapes, body, tank }) {
     this.shift = shift_s;
     this.body = body;
+    this.tank = tank ?? biflag.Tank.about(body);
     this.turns = biflag.table(turns);
     const numbers = new Int16Array(biflag.bytes(shapes.i16));
     this.shapes = { ...shapes, time: biflag.numbers(shapes.time), numbers, each: shapes.nodes * 3 };
@@ -18,6 +19,17 @@ biflag.Robot = class {
 
   /** Centre line of flagellum `k` at a time of the page. */
   line(k, time) {
+    const at = this.node(k, time);
+    return biflag.smooth(Array.from({ length: this.shapes.nodes }, (_, n) => at(n)), this.shapes.nodes > 40 ? 2 : 4);
+  }
+
+  /** The tip of flagellum `k` at a time of the page. */
+  tip(k, time) {
+    return this.node(k, time)(this.shapes.nodes - 1);
+  }
+
+  /** A function that returns a node of flagellum `k` at a time of the page. */
+  node(k, time) {
     const { shapes, turns } = this;
     const t = time - this.shift;
     const i = biflag.before(shapes.time, t);
@@ -26,13 +38,11 @@ biflag.Robot = class {
     const angle = 2 * Math.PI * (biflag.at(turns.time, k ? turns.two : turns.one, t) ?? 0);
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     const foot = this.feet[k];
-    const points = [];
-    for (let n = 0; n < shapes.nodes; n++) {
-      const part = (frame, axis) => shapes.numbers[(2 * frame + k) * shapes.each + 3 * n + axis];
-      const [x, y, z] = [0, 1, 2].map((axis) => shapes.unit_m * (part(i, axis) * (1 - share) + part(j, axis) * share));
-      points.push([foot[0] + c * x - s * y, foot[1] + s * x + c * y, foot[2] + z]);
-    }
-    return biflag.smooth(points, shapes.nodes > 40 ? 2 : 4);
+    const part = (frame, n, axis) => shapes.numbers[(2 * frame + k) * shapes.each + 3 * n + axis];
+    return (n) => {
+      const [x, y, z] = [0, 1, 2].map((axis) => shapes.unit_m * (part(i, n, axis) * (1 - share) + part(j, n, axis) * share));
+      return [foot[0] + c * x - s * y, foot[1] + s * x + c * y, foot[2] + z];
+    };
   }
 
   /** The joint, the base, the motors and their brackets. `colour` turns a name into a colour. */

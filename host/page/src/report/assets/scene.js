@@ -1,16 +1,21 @@
-// The 3-D view: the robot solid, the model beside it as a ghost, forces, the scale of the yaw, axes and scales of length and
-// force. World axes; lengths are in metres.
+// The 3-D view: the robot solid in its box of glycerin, the model beside it as a ghost, forces, the trails of the tips, light
+// where the flagella touch, the scale of the yaw, axes and scales of length and force. World axes; lengths are in metres.
 "use strict";
 
 /** Drawing the robot may take so much of a sixtieth of a second. */
 const SLOW_MS = 10;
 /** The scale of the forces is that of this force at least, mN. */
 const LEAST_SCALE_MN = 2;
+/** A trail shows where a tip has been for so long, s, by so many points. */
+const TRAIL_S = 2;
+const TRAIL_POINTS = 72;
+/** The camera of the fly-by swings about its place: radians to each side and up, and s for a whole swing of each. */
+const FLY = { azimuth: 0.6, azimuth_s: 24, elevation: 0.14, elevation_s: 37 };
 
 biflag.Scene = class {
   /** Where the robot is seen from; flat views, along an axis, have no perspective. */
   static VIEWS = {
-    perspective: { azimuth: -1.05, elevation: 0.34, zoom: 1, flat: false },
+    perspective: { azimuth: -0.62, elevation: 0.52, zoom: 1, flat: false },
     top: { azimuth: 0, elevation: Math.PI / 2, zoom: 1, flat: true },
     front: { azimuth: 0, elevation: 0, zoom: 1, flat: true },
     side: { azimuth: Math.PI / 2, elevation: 0, zoom: 1, flat: true },
@@ -21,7 +26,10 @@ biflag.Scene = class {
     this.trial = trial;
     this.robots = trial.data.robots.map((robot) => new biflag.Robot(robot));
     this.view = { ...biflag.Scene.VIEWS.perspective };
-    this.shown = { ghost: true, forces: true };
+    this.shown = { ghost: true, forces: true, trails: true };
+    /** What moves the camera: nothing (`still`), the robot's yaw (`follow`), or the time that it has flown (`fly`). */
+    this.camera = "still";
+    this.flown_s = 0;
     this.strongest = this.largestForce();
     this.paint();
     this.listen();
@@ -45,11 +53,11 @@ biflag.Scene = class {
 
   /** Takes up the page's present colours. */
   paint() {
-    const names = ["base", "flagellum1", "flagellum2", "force"];
+    const names = ["base", "flagellum1", "flagellum2", "force", "spark"];
     const colours = Object.fromEntries(names.map((name) => [name, biflag.rgb(name)]));
     this.rgb = (name) => colours[name];
     this.bases = this.robots.map((robot) => robot.base(this.rgb));
-    const lines = ["soft", "line", "grid", "ink", "measured", "model", "force", "flagellum1", "flagellum2", "base", "card"];
+    const lines = ["soft", "line", "grid", "ink", "measured", "model", "force", "flagellum1", "flagellum2", "base", "card", "glycerin", "shadow"];
     this.css = Object.fromEntries(lines.map((name) => [name, biflag.colour(name)]));
     this.font = biflag.colour("font");
   }
@@ -60,15 +68,25 @@ biflag.Scene = class {
     return angles.includes(null) || angles.includes(undefined) ? null : angles.map((angle) => (angle * Math.PI) / 180);
   }
 
+  /** Azimuth and elevation of the camera when the robot has a yaw, radians. */
+  place(yaw) {
+    const { azimuth, elevation } = this.view;
+    if (this.camera === "follow") return [azimuth + yaw, elevation];
+    if (this.camera !== "fly") return [azimuth, elevation];
+    const swing = (period_s) => Math.sin((2 * Math.PI * this.flown_s) / period_s);
+    return [azimuth + FLY.azimuth * swing(FLY.azimuth_s), elevation + FLY.elevation * swing(FLY.elevation_s)];
+  }
+
   /** The camera: a projection onto the canvas for lines, and the same as a matrix for solids. */
-  lens(width, height) {
+  lens(width, height, yaw) {
     const reach = this.robots[0].reach;
-    const { azimuth, elevation, zoom, flat } = this.view;
+    const { zoom, flat } = this.view;
+    const [azimuth, elevation] = this.place(yaw);
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
     const [right, away, up] = [[ca, sa, 0], [-sa * ce, ca * ce, -se], [-sa * se, ca * se, ce]];
-    const tall = reach * (1.5 * Math.abs(ce) + 0.72 * Math.abs(se));
-    const scale = zoom * Math.min(height / tall, width / (reach * 0.9));
-    const middle = [0, 0, -0.47 * reach];
+    const tall = reach * (1.5 * Math.abs(ce) + 1.05 * Math.abs(se));
+    const scale = zoom * Math.min(height / tall, width / (reach * 1.05));
+    const middle = [0, 0, -0.45 * reach];
     const far = flat ? Infinity : 9 * reach;
     const project = (point) => {
       const p = biflag.minus(point, middle);
@@ -81,7 +99,7 @@ biflag.Scene = class {
     const camera = [0, 1, 2].flatMap((k) => rows.map((row) => row[k])).concat(shift);
     const eye = away.map((x) => -x);
     const light = biflag.unit(eye.map((x, k) => 0.75 * x - 0.45 * right[k] + 0.6 * up[k]));
-    return { project, camera, eye, light, scale, right, up };
+    return { project, camera, eye, away, light, scale, right, up };
   }
 
   draw(time) {
@@ -95,43 +113,109 @@ biflag.Scene = class {
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     const ctx = canvas.getContext("2d");
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
-    ctx.clearRect(0, 0, width, height);
+    // A canvas that changes its size forgets this.
+    ctx.lineJoin = "round";
+    ctx.fillStyle = this.css.card;
+    ctx.fillRect(0, 0, width, height);
 
-    const lens = this.lens(width, height);
     const own = this.attitude("", time);
+    const lens = this.lens(width, height, own?.[0] ?? 0);
     const model = this.hasGhost && this.shown.ghost ? this.attitude("model_", time) : null;
     const [solid, ghost] = [this.robots[0], this.robots[1] ?? this.robots[0]];
     const lines = [0, 1].map((k) => solid.line(k, time));
     const turn = biflag.rotation(own ?? [0, 0, 0]);
-    const above = this.view.elevation > 0.05;
+    const above = lens.away[2] < -0.05;
     const draw2d = { ctx, ...lens, path: (points, colour, thick, dash = []) => biflag.path(ctx, points.map(lens.project), colour, thick, dash) };
+    const tank = new biflag.Tank(solid.tank, draw2d, this.css);
+    tank.behind();
+    tank.shadows(lines.map((line) => line.map((point) => biflag.turned(turn, point))), solid.body);
     if (!above) this.compass(draw2d, own, model);
-    for (const line of lines) this.shadow(draw2d, line.map((point) => biflag.turned(turn, point)));
     this.vertical(draw2d);
     const forces = this.forces(time);
+    const contacts = this.contacts(solid, lines, time).map((point) => biflag.turned(turn, point));
     const renderer = biflag.Renderer.shared();
     if (renderer.works) {
+      const still = biflag.rotation([0, 0, 0]);
       const solids = [
         { mesh: this.bases[0], turn },
-        { mesh: solid.rods(lines, this.rgb), turn },
+        { mesh: solid.rods(lines, this.rgb), turn, glows: true },
         { mesh: solid.arrows(forces, this.metresPerMn(), this.rgb), turn },
       ];
+      if (this.shown.trails) solids.push({ mesh: this.trails(solid, time), turn: still });
       if (model) {
         const modelTurn = biflag.rotation(model);
         const modelLines = ghost === solid ? lines : [0, 1].map((k) => ghost.line(k, time));
         const mesh = ghost.rods(modelLines, this.rgb);
-        solids.push({ mesh: this.bases[this.bases.length - 1], turn: modelTurn, ghost: true }, { mesh, turn: modelTurn, ghost: true });
+        solids.push({ mesh: this.bases.at(-1), turn: modelTurn, ghost: true }, { mesh, turn: modelTurn, ghost: true });
       }
-      const picture = renderer.draw(...size, lens, solids);
+      const lights = { places: contacts, colour: this.rgb("spark"), reach: 2.2 * solid.body.rod_radius_m };
+      const picture = renderer.draw(...size, lens, solids, lights);
       ctx.drawImage(picture, 0, 0, width, height);
       picture.close();
     } else {
       this.wires(draw2d, solid, lines, turn);
     }
+    this.halos(draw2d, solid, contacts);
     if (above) this.compass(draw2d, own, model);
+    tank.before();
     this.names(draw2d, solid, forces, turn);
     this.scales(draw2d, width, height);
+    this.tell(ctx, time);
     this.isSlow ||= this.trial.playing && performance.now() - begun > SLOW_MS;
+  }
+
+  /** The paths of both tips up to a time, thinner the longer ago. */
+  trails(robot, time) {
+    const mesh = new biflag.Mesh();
+    const radius = 0.5 * robot.body.rod_radius_m;
+    const from = Math.max(0, time - TRAIL_S);
+    if (time - from < 0.01) return mesh;
+    const times = Array.from({ length: TRAIL_POINTS }, (_, i) => from + ((time - from) * i) / (TRAIL_POINTS - 1));
+    const turns = times.map((t) => biflag.rotation(this.attitude("", t) ?? [0, 0, 0]));
+    for (const k of [0, 1]) {
+      const path = times.map((t, i) => biflag.turned(turns[i], robot.tip(k, t)));
+      const moved = path.some((point) => Math.hypot(...biflag.minus(point, path[0])) > radius);
+      const pale = this.rgb(`flagellum${k + 1}`).map((part) => 0.55 * part + 0.45);
+      if (moved) mesh.tube(path, (i) => radius * (0.12 + (0.88 * i) / (TRAIL_POINTS - 1)), pale, 6);
+    }
+    return mesh;
+  }
+
+  /** Places between the flagella where they touch at a time, body axes. Rigid helices only stand for the real shapes. */
+  contacts(robot, lines, time) {
+    const { forces } = this.trial.tables;
+    if (robot.shapes.rigid || !forces || !(biflag.valueAt(this.trial, "forces", "contact", time) > 0)) return [];
+    return biflag.touching(lines, 2 * robot.body.rod_radius_m);
+  }
+
+  /** The light of the contacts about the flagella. */
+  halos({ ctx, project }, robot, contacts) {
+    const [r, g, b] = this.rgb("spark").map((part) => Math.round(255 * part));
+    for (const place of contacts) {
+      const [x, y, , near] = project(place);
+      const radius = 5 * robot.body.rod_radius_m * near;
+      const glow = ctx.createRadialGradient(x, y, 0, x, y, radius);
+      glow.addColorStop(0, `rgb(${r} ${g} ${b} / 0.5)`);
+      glow.addColorStop(0.35, `rgb(${r} ${g} ${b} / 0.18)`);
+      glow.addColorStop(1, `rgb(${r} ${g} ${b} / 0)`);
+      ctx.fillStyle = glow;
+      ctx.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+    }
+  }
+
+  /** Time, yaw and the model's yaw in a corner, so that a picture or a film says what it shows. */
+  tell(ctx, time) {
+    this.write(ctx, "left", "top");
+    ctx.font = `600 12px ${this.font}`;
+    ctx.fillText(`${time.toFixed(1)} s`, 12, 11);
+    const { own = "yaw", other } = this.trial.data;
+    const yaw = (prefix) => biflag.valueAt(this.trial, "attitude", prefix + "yaw", time);
+    const lines = [["measured", own, yaw("")]];
+    if (this.hasGhost && this.shown.ghost) lines.push(["model", other, yaw("model_")]);
+    lines.forEach(([colour, name, value], i) => {
+      ctx.fillStyle = this.css[colour];
+      ctx.fillText(`ψ ${biflag.format(value, 1)}°${lines.length > 1 ? " " + name : ""}`, 12, 28 + 16 * i);
+    });
   }
 
   /** The forces of both flagella at a time, mN. */
@@ -172,28 +256,34 @@ biflag.Scene = class {
       written.push([x, y]);
       ctx.fillText(["0°", "90°", "180°", "−90°"][i / 3], x, y);
     }
+    if (model && own) this.wedge(ctx, project, [0, 0, z], (angle) => on(angle, 0.89 * radius), own[0], model[0]);
     if (model) path([[0, 0, z], on(model[0], radius)], this.css.model, 2, [5, 3]);
     if (own) path([[0, 0, z], on(own[0], radius)], this.css.measured, 2.5);
   }
 
-  vertical({ path }) {
-    const reach = this.robots[0].reach;
-    path([[0, 0, 0], [0, 0, -1.12 * reach]], this.css.line, 1, [3, 4]);
-    path([[0, 0, 0.1 * reach], [0, 0, 0]], this.css.base, 2);
+  /** The difference of two yaws as a filled piece of the ring. */
+  wedge(ctx, project, middle, on, from, to) {
+    const steps = Math.min(90, Math.ceil(Math.abs(to - from) / 0.06) + 1);
+    ctx.beginPath();
+    for (const point of [middle, ...Array.from({ length: steps + 1 }, (_, i) => on(from + ((to - from) * i) / steps))]) ctx.lineTo(...project(point).slice(0, 2));
+    ctx.closePath();
+    ctx.globalAlpha = 0.28;
+    ctx.fillStyle = this.css.model;
+    ctx.fill();
+    ctx.globalAlpha = 1;
   }
 
-  shadow({ path, ctx }, line) {
-    const floor = -1.1 * this.robots[0].reach;
-    ctx.lineCap = ctx.lineJoin = "round";
-    path(line.map(([x, y]) => [x, y, floor]), this.css.grid, 4);
-    ctx.lineCap = "butt";
+  vertical({ path }) {
+    const reach = this.robots[0].reach;
+    path([[0, 0, 0], [0, 0, -1.1 * reach]], this.css.line, 1, [3, 4]);
+    path([[0, 0, 0.1 * reach], [0, 0, 0]], this.css.base, 2);
   }
 
   /** The strengths of the forces, beside the feet of their arrows. */
   names({ ctx, project }, robot, forces, turn) {
     this.write(ctx, "left", "middle");
     // A rim of the background keeps the words legible in front of the robot.
-    [ctx.strokeStyle, ctx.lineWidth, ctx.lineJoin] = [this.css.card, 3, "round"];
+    [ctx.strokeStyle, ctx.lineWidth] = [this.css.card, 3];
     forces.forEach((force, k) => {
       if (force.includes(null)) return;
       const foot = robot.foot(k);
@@ -254,6 +344,13 @@ biflag.Scene = class {
 
   look(name) {
     this.view = { ...biflag.Scene.VIEWS[name] };
+    this.trial.changed();
+  }
+
+  /** Lets the camera follow the robot or fly; a second time, it stands still. */
+  move(camera) {
+    this.camera = this.camera === camera ? "still" : camera;
+    this.flown_s = 0;
     this.trial.changed();
   }
 
