@@ -111,12 +111,7 @@ impl Rig {
                 }
             }
             let turn = (rate_dps - calibrated) * (0.5 * TICK_S).to_radians();
-            attitude.update(
-                turn.map(|half| half as f32).into(),
-                force_g.map(|g| g as f32).into(),
-                TICK_S as f32,
-                gains,
-            );
+            attitude.update(turn.map(|half| half as f32).into(), force_g.map(|g| g as f32).into(), 1, gains);
             if (-5.0..0.0).contains(&time_s) {
                 forces.push(force_g);
             }

@@ -84,7 +84,6 @@ fn described<'a>(comment: &'a str, name: &str) -> Option<(&'a str, &'a str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::csv;
 
     #[cfg(feature = "parquet")]
     #[test]
@@ -107,7 +106,7 @@ mod tests {
         };
         let folder = tempfile::tempdir().unwrap();
         let (text, binary) = (folder.path().join("table.csv"), folder.path().join("table.parquet"));
-        csv::Writer::new(&table, File::create(&text).unwrap())
+        crate::export::csv::Writer::new(&table, File::create(&text).unwrap())
             .and_then(|mut csv| csv.rows(&table).and(csv.close()))
             .unwrap();
         let mut writer = parquet::Writer::new(&table, File::create(&binary).unwrap()).unwrap();
