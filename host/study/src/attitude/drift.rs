@@ -17,9 +17,9 @@
 //! scatter of the mean rates of blocks at rest, and is at least that of the data sheet; of a measured sensor it is known.
 
 use super::decay::Decay;
-use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
+use super::rest::{Noise, SHORTEST_REST_S, Stretch, after_run, blocks_of};
 use super::returns::Motions;
-use super::smoother::{Rotation, Stretch, Target, rotation};
+use super::smoother::{Rotation, Target, rotation};
 use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;

@@ -76,6 +76,19 @@ impl Noise {
     }
 }
 
+/// The mean rate over a stretch of rest.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Stretch {
+    /// When it was.
+    pub range: Range<f64>,
+    /// Mean rate, °/s.
+    pub rate: f64,
+    /// Variance of the rate due to white noise, (°/s)².
+    pub variance: f64,
+    /// Mean rates of pitch and roll, °/s.
+    pub tilt_dps: [f64; 2],
+}
+
 /// Returns the blocks of a range, the last of which ends with it, with their mean rates, °/s; `None` if it is too short.
 pub(super) fn blocks_of(yaw: Track, range: &Range<f64>) -> Option<Vec<(Range<f64>, f64)>> {
     blocks(yaw, range, BLOCK_S, MIN_BLOCKS)

@@ -16,7 +16,7 @@
 //! the mixture. So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest
 //! help by ten seconds' worth.
 
-use super::smoother::Stretch;
+use super::rest::Stretch;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector3};
 use std::f64::consts::TAU;
@@ -239,36 +239,5 @@ impl Still<'_> {
             }
         }
         Family { time_constant_s: tau, columns, combinations }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::smoother::{Target, rotation};
-    use super::super::{BiasNoise, Track};
-    use super::*;
-
-    /// Two of the time constants that are tried first explain the rates equally well, and a third between them does better.
-    #[test]
-    fn time_constant_between_those_that_are_tried_first_is_found() {
-        let (run_s, after_s) = (20.0, 152.0);
-        let stretch = |start: f64, rate: f64| Stretch {
-            range: start..start + 2.0,
-            rate,
-            variance: 0.0036f64.powi(2) / 2.0,
-            tilt_dps: [0.0; 2],
-        };
-        let before = (0..7).map(|i| stretch(6.0 + 2.0 * f64::from(i), 0.0));
-        let after = (0..9).map(|i| stretch(after_s + 2.0 * f64::from(i), 0.2 * (-f64::from(i) / 3.35).exp()));
-        let stretches: Vec<Stretch> = before.chain(after).collect();
-        let times: Vec<f64> = (0..=170).map(f64::from).collect();
-        let bias_noise = BiasNoise { walk_dps_per_root_s: 1e-4, instability_dps: 0.0 };
-        let target = Target { times: &times, weights: &[1.0; 171], from_s: 19.5, bias_noise };
-        let motions = Motions { run_s, stop_s: 140.0, after_s, time_constant_s: Some(6.0) };
-        let temperature = Track { time_s: &times, value: &[25.0; 171] };
-        let found = rotation(&stretches, temperature, &target, Some(&motions)).unwrap();
-        let (at_end, u) = (found.mean[139], found.covariance[(139, 139)].sqrt());
-        println!("{at_end:.3} ± {u:.3}");
-        assert!(at_end.abs() < 0.1 && u < 0.25, "{at_end} {u}");
     }
 }

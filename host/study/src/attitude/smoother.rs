@@ -13,6 +13,7 @@
 //! Machine Learning, 2006, eq. 2.25 and 2.26). The time constants and the sizes of the motions are not known: [`super::returns`]
 //! mixes over them.
 
+use super::rest::Stretch;
 use super::returns::{self, Motions, Still};
 use super::{BiasNoise, Track};
 use nalgebra::linalg::Cholesky;
@@ -30,19 +31,6 @@ pub const WARMING_DPS_PER_C: f64 = 0.03;
 /// returning tilt by some hundredths of its rate (`cargo test --release -p sim --test all returning_tilt -- --nocapture`), and the data sheet allows
 /// cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section 6.1).
 const TILT_SHARE: f64 = 0.03;
-
-/// The mean rate over a stretch of rest.
-#[derive(Clone, PartialEq, Debug)]
-pub(super) struct Stretch {
-    /// When it was.
-    pub range: Range<f64>,
-    /// Mean rate, °/s.
-    pub rate: f64,
-    /// Variance of the rate due to white noise, (°/s)².
-    pub variance: f64,
-    /// Mean rates of pitch and roll, °/s.
-    pub tilt_dps: [f64; 2],
-}
 
 /// The rotation due to the bias, and its covariance, at each time of a grid. Zero at the reference time.
 #[derive(Clone, PartialEq, Debug)]
@@ -152,5 +140,34 @@ fn changes(stretches: &[Stretch], target: &Target) -> Changes {
         own: DMatrix::from_fn(n, n, |i, j| between(&stretches[i].range, &stretches[j].range)),
         cross: integrals(cross, target),
         prior: integrals(integrals(instants, target).transpose(), target),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two of the time constants that are tried first explain the rates equally well, and a third between them does better.
+    #[test]
+    fn time_constant_between_those_that_are_tried_first_is_found() {
+        let (run_s, after_s) = (20.0, 152.0);
+        let stretch = |start: f64, rate: f64| Stretch {
+            range: start..start + 2.0,
+            rate,
+            variance: 0.0036f64.powi(2) / 2.0,
+            tilt_dps: [0.0; 2],
+        };
+        let before = (0..7).map(|i| stretch(6.0 + 2.0 * f64::from(i), 0.0));
+        let after = (0..9).map(|i| stretch(after_s + 2.0 * f64::from(i), 0.2 * (-f64::from(i) / 3.35).exp()));
+        let stretches: Vec<Stretch> = before.chain(after).collect();
+        let times: Vec<f64> = (0..=170).map(f64::from).collect();
+        let bias_noise = BiasNoise { walk_dps_per_root_s: 1e-4, instability_dps: 0.0 };
+        let target = Target { times: &times, weights: &[1.0; 171], from_s: 19.5, bias_noise };
+        let motions = Motions { run_s, stop_s: 140.0, after_s, time_constant_s: Some(6.0) };
+        let temperature = Track { time_s: &times, value: &[25.0; 171] };
+        let found = rotation(&stretches, temperature, &target, Some(&motions)).unwrap();
+        let (at_end, u) = (found.mean[139], found.covariance[(139, 139)].sqrt());
+        println!("{at_end:.3} ± {u:.3}");
+        assert!(at_end.abs() < 0.1 && u < 0.25, "{at_end} {u}");
     }
 }
