@@ -89,7 +89,27 @@ pub enum Command {
     },
     /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off.
     Align,
+    /// Read a copy of the note.
+    ReadNote {
+        /// 0 or 1.
+        copy: u8,
+    },
+    /// Write a byte of a copy of the note to EEPROM. Motors must be off.
+    WriteNote {
+        /// 0 or 1.
+        copy: u8,
+        /// 0 to [`NOTE_LENGTH`] - 1.
+        index: u8,
+        /// The byte.
+        byte: u8,
+    },
 }
+
+/// Length of the note: what the host keeps on the board, in [`NOTE_COPIES`] copies. The board does not read it.
+pub const NOTE_LENGTH: u8 = 20;
+
+/// Copies of the note. The host writes the older one, so that a loss of power leaves the other.
+pub const NOTE_COPIES: u8 = 2;
 
 /// Largest number of set-points in a schedule.
 pub const MAX_SET_POINTS: u8 = 8;

@@ -1,5 +1,6 @@
 //! Replies from the board to the host.
 
+use crate::command::NOTE_LENGTH;
 use crate::fault::FaultRecord;
 use crate::settings::Settings;
 use crate::units::{AccelRange, EncoderCounts, GyroRange, Micros};
@@ -26,6 +27,8 @@ pub enum Reply {
     Pong(Micros),
     /// To [`Command::ReadFault`](crate::Command::ReadFault); [`Fault::None`](crate::Fault::None) in an empty entry.
     FaultRecord(FaultRecord),
+    /// To [`Command::ReadNote`](crate::Command::ReadNote); ones where nothing was written.
+    Note([u8; NOTE_LENGTH as usize]),
 }
 
 /// Why a command was not carried out.

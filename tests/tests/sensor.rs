@@ -81,4 +81,24 @@ fn the_file_names_the_board_that_it_was_measured_on() {
     assert!(scale != 0.0);
     let file = std::fs::read_to_string(bench.path().join("sensor.toml")).unwrap();
     assert!(file.contains(&format!("board_id = {}", settings["board_id"])), "{file}");
+
+    // The board keeps the scale: a computer without the file uses it, and one with an older file is told.
+    assert_eq!(run["kept_on_board"], true);
+    let record = |plan: &str, out: &str| {
+        let plan = bench.file("plan.toml", plan);
+        bench.run(["record", plan.to_str().unwrap(), "--port", &port, "--out", out, "--json"])
+    };
+    let alone = record(&PLAN.replace("sensor = \"sensor.toml\"\n", ""), "alone");
+    assert!(alone.stderr.contains("those that the board keeps, measured on 20"), "{}", alone.stderr);
+    let recorded = Data::read(&logs(&bench.path().join("alone"))[0], Want::default()).unwrap();
+    assert_eq!(recorded.records.measured_sensor.as_ref().unwrap().name, "the board");
+    let u = run["sensor"]["scale_u"][2].as_f64().unwrap();
+    let known = recorded.sensor().gyro_scale;
+    // As in the file, to the third digit of the uncertainty.
+    assert!((known[2].value - scale).abs() < 1.1e-5 && (known[2].u - u).abs() < 6e-3 * u, "{known:?}");
+    bench.run(["doctor", "alone"]).expect_code(0);
+    let line = file.lines().skip_while(|line| !line.starts_with("[gyro_scale]")).nth(1).unwrap();
+    bench.file("sensor.toml", &file.replace(line, "z = { value = 0.05, u = 0.001 }"));
+    let older = record(PLAN, "older");
+    assert!(older.stderr.contains("scale about z is +5.000"), "{}", older.stderr);
 }

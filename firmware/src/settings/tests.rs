@@ -201,6 +201,24 @@ fn a_fault_is_logged_beside_a_save() {
 }
 
 #[test]
+fn copies_of_the_note_are_beside_all_else() {
+    let memory = Memory::blank();
+    save(&memory, &old());
+    save(&memory, &new());
+    let mut store = open(&memory);
+    assert_eq!(store.count_start(), 1);
+    assert_eq!([0, 1].map(|copy| store.read_note(copy)), [[0xFF; 20]; 2]);
+    let note = |copy: u8| std::array::from_fn(|i| 20 * copy + i as u8);
+    for (copy, index) in (0..2).flat_map(|copy| (0..NOTE_LENGTH).map(move |index| (copy, index))) {
+        store.write_note(copy, index, note(copy)[usize::from(index)]);
+    }
+    let mut store = open(&memory);
+    assert_eq!([0, 1].map(|copy| store.read_note(copy)), [0, 1].map(note));
+    assert_eq!((load(&memory), store.count_start()), (Some(new()), 2));
+    assert_eq!(store.read_fault(0), None);
+}
+
+#[test]
 fn a_broken_byte_fails_the_save_and_leaves_the_settings_before_it() {
     let memory = Memory { stuck: Some(395), ..Memory::blank() };
     assert_eq!(save(&memory, &old()).0, Saving::Done);

@@ -4,6 +4,7 @@ mod aim;
 mod align;
 mod answer;
 mod ask;
+mod board_sensor;
 mod calibrate;
 mod compare;
 mod completions;

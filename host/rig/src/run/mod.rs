@@ -7,6 +7,7 @@ pub mod fault_log;
 mod follow;
 mod health;
 mod image;
+pub mod note;
 pub mod park;
 pub mod preflight;
 mod readout;

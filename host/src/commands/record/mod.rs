@@ -6,7 +6,7 @@ mod viewers;
 use super::findings::finding_line;
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
-use super::{Answer, Outcome, WRONG_USE, plan, settings, virtual_board};
+use super::{Answer, Outcome, WRONG_USE, board_sensor, plan, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
@@ -30,7 +30,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
-use study::sensor::MeasuredSensor;
 use viewers::Viewers;
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
@@ -107,7 +106,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return answer;
     }
     let interrupted = interruption()?;
-    let plan = match (&args.plan, args.speeds) {
+    let mut plan = match (&args.plan, args.speeds) {
         (Some(path), _) => Plan::load(path)?,
         (None, Some(speeds)) => Plan::of_speeds(speeds, &format!("run = {}", args.run), "")?,
         (None, None) => return Err(miette::miette!(code = WRONG_USE, "give a plan or --speeds")),
@@ -138,7 +137,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => check_settings(&link)?,
     };
     prepare(&link, &plan)?;
-    check_sensor(&link, &plan)?;
+    let note_of_sensor = board_sensor::complete(&mut plan, &link)?;
     if args.r#virtual.is_some() {
         // Its flagella stand at their marks when it gets power.
         link.command(Command::Align)?;
@@ -186,7 +185,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     // A plan with phases turns the flagella to known angles.
     let on_angles = if board.angle_deg.is_none() { note_on_unknown_angles(&todo) } else { None };
-    for note in note.into_iter().chain(note_of_copy).chain(on_angles) {
+    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor).chain(on_angles) {
         progress.line(&format!("note: {note}"));
     }
     Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
@@ -378,20 +377,6 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
         link.command(Command::WriteSettings(settings))?;
     }
     Ok(())
-}
-
-/// Refuses a sensor file of another board.
-fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<()> {
-    let Some(file) = &plan.sensor else { return Ok(()) };
-    match MeasuredSensor::parse(&file.text, &file.name)?.mismatch(&settings::read(link)?) {
-        Some(why) => Err(miette::miette!(
-            code = WRONG_USE,
-            help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`",
-            "{} is of another sensor: {why}",
-            file.name
-        )),
-        None => Ok(()),
-    }
 }
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.

@@ -6,7 +6,7 @@ use crate::link::{self, Link, LinkError};
 use crate::output::OutputError;
 use crate::plan::board;
 use crate::program;
-use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow};
+use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow, note as board_note};
 use crate::signals::interruption;
 use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
 use miette::Report;
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
-use study::sensor::{MeasuredSensor, RawReading};
+use study::sensor::{MeasuredSensor, RawReading, note};
 
 /// The board on the bench.
 pub struct Bench {
@@ -110,10 +110,26 @@ impl Bench {
         self.nano.as_ref().map_or(0.0, |nano| nano.sensor().board_clock_error)
     }
 
-    /// Writes the file of the sensor.
-    pub fn save(&self) -> miette::Result<()> {
-        Ok(self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?)
+    /// Writes the file of the sensor, and the scales of the gyroscope to the board.
+    pub fn save(&self) -> miette::Result<Kept> {
+        self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?;
+        let Some((copy, bytes)) = note::next(&board_note::read(&self.link)?, &self.file) else {
+            return Ok(Kept::Nothing);
+        };
+        let is_kept = board_note::write(&self.link, copy as u8, &bytes)?;
+        Ok(if is_kept { Kept::Scales } else { Kept::Failed })
     }
+}
+
+/// What the board keeps of a measurement.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// Nothing new.
+    Nothing,
+    /// The scales of the gyroscope.
+    Scales,
+    /// Its memory does not hold what was written.
+    Failed,
 }
 
 /// An error of a reading's function.

@@ -7,7 +7,7 @@ mod turn;
 
 use super::virtual_board::SensorArgs;
 use super::{Answer, Outcome};
-use bench::Bench;
+use bench::{Bench, Kept};
 use clap::Subcommand;
 use miette::Report;
 use serde::Serialize;
@@ -68,14 +68,21 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
 /// Writes the file and returns the answer.
 fn finish(bench: &mut Bench, measured: Measured) -> miette::Result<Answer> {
-    let Measured { mut text, mut json, warnings } = measured;
-    bench.save()?;
+    let Measured { mut text, mut json, mut warnings } = measured;
+    let kept = bench.save()?;
+    if kept == Kept::Failed {
+        warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());
+    }
+    json.insert("kept_on_board".to_owned(), json!(kept == Kept::Scales));
     json.insert("sensor".to_owned(), values(&bench.file));
     json.insert("file".to_owned(), json!(crate::text::printable(&bench.path.display().to_string())));
     json.insert("log".to_owned(), json!(crate::text::printable(&bench.log_path.display().to_string())));
     json.insert("warnings".to_owned(), json!(warnings));
     for warning in &warnings {
         text += &format!("warning: {warning}\n");
+    }
+    if kept == Kept::Scales {
+        text += "the board keeps the scales\n";
     }
     text += &format!("written to {}; readings in {}", bench.path.display(), bench.log_path.display());
     Answer::new(if warnings.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &json, text)
@@ -110,6 +117,6 @@ fn values(file: &MeasuredSensor) -> Value {
 }
 
 /// Formats a percentage with its 95 % uncertainty.
-fn percent(estimate: study::sensor::Estimate) -> String {
+pub(super) fn percent(estimate: study::sensor::Estimate) -> String {
     format!("{} ± {:.3} %", study::text::signed(100.0 * estimate.value, 3), 196.0 * estimate.u)
 }

@@ -1,6 +1,6 @@
 //! Steers the robot on the rig, or on the emulated board.
 
-use super::super::{record, settings, virtual_board};
+use super::super::{board_sensor, record, settings, virtual_board};
 use super::{Args, Ran};
 use crate::link::{self, Link};
 use crate::plan::{Plan, board};
@@ -43,6 +43,9 @@ pub fn steer(
         record::check_settings(&link)?;
     }
     link.command(Command::Stop)?;
+    let mut plan = plan.clone();
+    let note_of_sensor = board_sensor::complete(&mut plan, &link)?;
+    let plan = &plan;
     let session = Session::create(folder, plan)?;
     let _lock = session.lock(Sharing::Alone)?;
     let trial = &plan.trials[0];
@@ -57,6 +60,7 @@ pub fn steer(
     let Wanted { yaw_deg, pitch_deg } = steering.wanted();
     progress.line(&format!("to hold: yaw {yaw_deg}°, pitch {pitch_deg}°, for {} s", trial.phases.run_s));
     let (rest_s, run_s) = (trial.phases.preroll_s.max(1.0), trial.phases.run_s);
+    note_of_sensor.iter().for_each(|note| progress.line(&format!("note: {note}")));
     let error = yaw_error(&Sensor::of_data_sheet(), [yaw_deg, tilt_deg], rest_s, run_s);
     progress.line(&format!(
         "the yaw comes from the gyroscope: after {run_s} s it may be off by {error}; rest alone shows its drift"

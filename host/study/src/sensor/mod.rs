@@ -14,6 +14,7 @@
 mod bias_noise;
 mod file;
 mod least_squares;
+pub mod note;
 mod parameter;
 mod poses;
 mod reading;

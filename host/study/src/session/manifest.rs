@@ -3,6 +3,7 @@
 use super::SessionError;
 use crate::plan::{PHYSICAL, PUBLISHED, Plan};
 use crate::program;
+use crate::sensor::note::OF_BOARD;
 use biflag_log::{MeasuredSensorMeta, atomic_file};
 use serde::{Deserialize, Serialize};
 use sim::params::BUILT_IN;
@@ -35,7 +36,7 @@ pub(super) struct Manifest {
     /// Name of the robot or of its file.
     #[serde(default)]
     robot_name: Option<String>,
-    /// Text of the sensor's file, if the plan names one.
+    /// Text of the sensor's file, if the plan names one or the board keeps what was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<String>,
 }
@@ -94,7 +95,10 @@ impl Manifest {
     pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
         let path = folder.join(MANIFEST);
         let mut plan = Plan::parse(&self.plan, &format!("plan in {}", path.display()))?;
-        plan.sensor = plan.sensor.zip(self.sensor).map(|(sensor, text)| MeasuredSensorMeta { text, ..sensor });
+        plan.sensor = self.sensor.map(|text| match plan.sensor {
+            Some(sensor) => MeasuredSensorMeta { text, ..sensor },
+            None => MeasuredSensorMeta { name: OF_BOARD.to_owned(), text },
+        });
         match self.robot_name {
             Some(name) => plan.robot.name = name,
             // A manifest without the name was written before `physical` existed.

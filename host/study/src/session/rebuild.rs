@@ -91,9 +91,6 @@ fn plan_of(log: &Path) -> Result<Plan, String> {
     let (meta, robot) = read().map_err(|error| described(&error))?;
     let plan = meta.and_then(|meta| Plan::parse(&meta.text, "the plan").ok()).zip(robot);
     let (plan, robot) = plan.ok_or_else(|| format!("{}: the record of its plan cannot be read", log.display()))?;
-    let sensor = match plan.sensor {
-        Some(_) => Reader::open(log).and_then(|mut reader| reader.read_until()).map_err(|error| described(&error))?,
-        None => None,
-    };
+    let sensor = Reader::open(log).and_then(|mut reader| reader.read_until()).map_err(|error| described(&error))?;
     Ok(Plan { robot: RobotFile::of_log(Some(robot)), sensor, ..plan })
 }

@@ -1,0 +1,55 @@
+//! What is known of the sensor of a board before trials: the file that the plan names, or the scales that the board keeps.
+
+use super::settings;
+use crate::link::Link;
+use crate::plan::Plan;
+use crate::run::rig::note as board_note;
+use biflag_log::MeasuredSensorMeta;
+use study::WRONG_USE;
+use study::sensor::{AXES, MeasuredSensor, note};
+
+/// Scales that differ by more of their standard uncertainties are of two sensors, or one of them is old.
+const APART: f64 = 3.0;
+
+/// Completes a plan by what its board keeps. Returns a note for the user.
+///
+/// # Errors
+/// The board cannot be asked, or the plan names the file of another sensor.
+pub fn complete(plan: &mut Plan, link: &Link) -> miette::Result<Option<String>> {
+    let settings = settings::read(link)?;
+    let kept = note::read(&board_note::read(link)?, &settings);
+    let Some(file) = &plan.sensor else {
+        let Some(kept) = kept else { return Ok(None) };
+        let text = format!("the scales of the gyroscope are those that the board keeps, measured on {}", kept.date);
+        plan.sensor = Some(MeasuredSensorMeta { name: note::OF_BOARD.to_owned(), text: kept.to_toml() });
+        return Ok(Some(text));
+    };
+    let of_file = MeasuredSensor::parse(&file.text, &file.name)?;
+    if let Some(why) = of_file.mismatch(&settings) {
+        return Err(miette::miette!(
+            code = WRONG_USE,
+            help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`",
+            "{} is of another sensor: {why}",
+            file.name
+        ));
+    }
+    Ok(kept.and_then(|kept| difference(&of_file, &kept, &file.name)))
+}
+
+/// Returns in words where a file and a board differ.
+fn difference(file: &MeasuredSensor, kept: &MeasuredSensor, name: &str) -> Option<String> {
+    AXES.into_iter().find_map(|axis| {
+        let (one, other) = (file.get("gyro_scale", axis)?, kept.get("gyro_scale", axis)?);
+        let is_apart = (one.value - other.value).abs() > APART * one.u.hypot(other.u);
+        is_apart.then(|| {
+            format!(
+                "the gyroscope's scale about {axis} is {} in {name} ({}), and {} on the board ({}): use the file of the latest \
+                 measurement",
+                super::sensor::percent(one),
+                file.date,
+                super::sensor::percent(other),
+                kept.date
+            )
+        })
+    })
+}
