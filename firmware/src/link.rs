@@ -54,8 +54,6 @@ pub enum Answer {
     Calibration,
     /// [`protocol::Reply::FaultRecord`] of the entry with this index.
     FaultRecord(u8),
-    /// [`protocol::Reply::Note`] of this copy.
-    Note(u8),
     /// The answer follows later.
     Later,
 }
@@ -131,7 +129,7 @@ impl Link {
     pub fn has_room(&self, command: &Command, outbox: &impl Outbox) -> bool {
         let answer = match command {
             Command::ReadSettings => SETTINGS,
-            Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } | Command::ReadNote { .. } => INFO,
+            Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } => INFO,
             _ => PONG,
         };
         outbox.room() >= answer

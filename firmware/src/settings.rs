@@ -3,7 +3,7 @@
 //! | address | content |
 //! | --- | --- |
 //! | 0 | settings of older firmware, as a frame: the number of their layout, a 7, the [`Settings`] |
-//! | 64, 84 | two copies of the note of the host |
+//! | 64 | the note of the host |
 //! | 128 | eight counters of starts of two bytes, little-endian |
 //! | 160 | the fault log ([`fault_log`](crate::fault_log)) |
 //! | 320, 384 | two slots of the settings: save n is in slot n modulo 2; n wraps at 256 |
@@ -27,14 +27,15 @@
 
 use protocol::frame::Accumulator;
 use protocol::units::EncoderCounts;
-use protocol::{FaultRecord, NOTE_LENGTH, Settings};
+use protocol::{FaultRecord, Settings};
 
 use crate::fault_log::FaultLog;
 use crate::positions::Positions;
 use crate::storage::{Storage, add_crc, first_difference, read_checked, write_first_difference};
 
 const OLD_ADDRESS: u16 = 0;
-const NOTES_ADDRESS: u16 = 64;
+const NOTES_ADDRESS: u8 = 64;
+const NOTE_SPACE: u8 = 64;
 const COUNTS_ADDRESS: u16 = 128;
 const COUNTS: u16 = 8;
 const SLOTS_ADDRESS: u16 = 320;
@@ -108,7 +109,7 @@ impl<S: Storage> Store<S> {
 
     /// Loads the settings of older firmware.
     fn load_old(&mut self, accumulator: &mut Accumulator, settings: &mut Settings) -> bool {
-        for address in OLD_ADDRESS..NOTES_ADDRESS {
+        for address in OLD_ADDRESS..u16::from(NOTES_ADDRESS) {
             if let Some(payload) = accumulator.push_for_payload(self.storage.read(address)) {
                 return match payload {
                     Ok([layout, OLD_TAG, stored @ ..]) => unpack(*layout, stored, settings),
@@ -141,18 +142,18 @@ impl<S: Storage> Store<S> {
         self.fault_log.read(&mut self.storage, index)
     }
 
-    /// Returns a copy of the note.
-    pub fn read_note(&mut self, copy: u8) -> [u8; NOTE_LENGTH as usize] {
-        let mut note = [0; NOTE_LENGTH as usize];
-        for (address, byte) in (note_address(copy)..).zip(&mut note) {
+    /// Returns four bytes of the note, from one on, as a little-endian number.
+    pub fn read_note(&mut self, index: u8) -> u32 {
+        let mut bytes = [0; 4];
+        for (address, byte) in (note_address(index)..).zip(&mut bytes) {
             *byte = self.storage.read(address);
         }
-        note
+        u32::from_le_bytes(bytes)
     }
 
-    /// Begins to write a byte of a copy of the note, after waiting for the end of a write.
-    pub fn write_note(&mut self, copy: u8, index: u8, byte: u8) {
-        self.change(note_address(copy) + u16::from(index), byte);
+    /// Begins to write a byte of the note, after waiting for the end of a write.
+    pub fn write_note(&mut self, index: u8, byte: u8) {
+        self.change(note_address(index), byte);
     }
 
     /// Advances the record of the shafts' positions by one tick, which writes at most one byte; returns whether it did.
@@ -271,8 +272,8 @@ fn slot_address(number: u8) -> u16 {
     SLOTS_ADDRESS + u16::from(number % 2) * SLOT as u16
 }
 
-fn note_address(copy: u8) -> u16 {
-    NOTES_ADDRESS + u16::from(copy * NOTE_LENGTH)
+fn note_address(index: u8) -> u16 {
+    u16::from(NOTES_ADDRESS + index % NOTE_SPACE)
 }
 
 fn count_address(place: u16) -> u16 {

@@ -89,23 +89,22 @@ pub enum Command {
     },
     /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off.
     Align,
-    /// Read a copy of the note.
+    /// Read four bytes of the note.
     ReadNote {
-        /// 0 or 1.
-        copy: u8,
+        /// Number of the first one, 0 to 60.
+        index: u8,
     },
-    /// Write a byte of a copy of the note to EEPROM. Motors must be off.
+    /// Write a byte of the note to EEPROM. Motors must be off.
     WriteNote {
-        /// 0 or 1.
-        copy: u8,
-        /// 0 to [`NOTE_LENGTH`] - 1.
+        /// Number of the byte, 0 to 63.
         index: u8,
         /// The byte.
         byte: u8,
     },
 }
 
-/// Length of the note: what the host keeps on the board, in [`NOTE_COPIES`] copies. The board does not read it.
+/// Length of the note: what the host keeps on the board, in [`NOTE_COPIES`] copies, one after the other. The board does not
+/// use it.
 pub const NOTE_LENGTH: u8 = 20;
 
 /// Copies of the note. The host writes the older one, so that a loss of power leaves the other.

@@ -43,8 +43,8 @@
 //! | [`Command::ReadFault`] | 7 | [`Reply::FaultRecord`] | 24 |
 //! | [`Command::TurnTo`] | 16 | [`Reply::Done`] at once | 7 |
 //! | [`Command::Align`] | 6 | [`Reply::Done`] | 7 |
-//! | [`Command::ReadNote`] | 7 | [`Reply::Note`] | 27 |
-//! | [`Command::WriteNote`] | 9 | [`Reply::Done`] | 7 |
+//! | [`Command::ReadNote`] | 7 | [`Reply::Pong`] | 11 |
+//! | [`Command::WriteNote`] | 8 | [`Reply::Done`] | 7 |
 //! | any, refused | | [`Reply::Refused`] | 8 |
 //! | | | [`Telemetry`], streamed | 71 |
 //!
@@ -92,7 +92,7 @@ pub const VERSION: u8 = 3;
 
 /// The first four bytes of the SHA-256 of the formats of all messages (`tests/wire/schema.txt`). Both sides compare it in
 /// the handshake, because two builds of one version can differ while the protocol is being changed.
-pub const SCHEMA: [u8; 4] = [0x4f, 0x18, 0xbe, 0x32];
+pub const SCHEMA: [u8; 4] = [0xd5, 0xc8, 0x71, 0xd1];
 
 /// Speed of the line, bit/s: exact with the Nano's 16 MHz crystal.
 pub const BAUD: u32 = 500_000;

@@ -96,8 +96,8 @@ mod board {
             Command::Drive { duty, duration_ms } => size(duty) + size(duration_ms),
             Command::ReadFault { index } => size(index),
             Command::TurnTo { position, speed } => size(position) + size(speed),
-            Command::ReadNote { copy } => size(copy),
-            Command::WriteNote { copy, index, byte } => size(copy) + size(index) + size(byte),
+            Command::ReadNote { index } => size(index),
+            Command::WriteNote { index, byte } => size(index) + size(byte),
         }
     }
 

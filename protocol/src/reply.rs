@@ -1,6 +1,5 @@
 //! Replies from the board to the host.
 
-use crate::command::NOTE_LENGTH;
 use crate::fault::FaultRecord;
 use crate::settings::Settings;
 use crate::units::{AccelRange, EncoderCounts, GyroRange, Micros};
@@ -23,12 +22,11 @@ pub enum Reply {
     Settings(Settings),
     /// To [`Command::ReadCalibration`](crate::Command::ReadCalibration).
     Calibration(Calibration),
-    /// To [`Command::Ping`](crate::Command::Ping): the board's clock when it read the request.
+    /// To [`Command::Ping`](crate::Command::Ping): the board's clock when it read the request. To
+    /// [`Command::ReadNote`](crate::Command::ReadNote): the bytes, as a little-endian number.
     Pong(Micros),
     /// To [`Command::ReadFault`](crate::Command::ReadFault); [`Fault::None`](crate::Fault::None) in an empty entry.
     FaultRecord(FaultRecord),
-    /// To [`Command::ReadNote`](crate::Command::ReadNote); ones where nothing was written.
-    Note([u8; NOTE_LENGTH as usize]),
 }
 
 /// Why a command was not carried out.

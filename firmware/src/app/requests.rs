@@ -5,8 +5,8 @@ use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{CentiRpm, Duty, EncoderCounts, Micros, Quaternion};
 use protocol::{
-    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, MAX_TURN_SPEED, MessageRef, NOTE_COPIES, NOTE_LENGTH, Refusal,
-    Reply, Request, SCHEMA, Settings, VERSION,
+    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, MAX_TURN_SPEED, MessageRef, Refusal, Reply, Request, SCHEMA,
+    Settings, VERSION,
 };
 
 use super::App;
@@ -68,9 +68,10 @@ where
             Command::ReadFault { .. } => Err(Refusal::OutOfRange),
             Command::TurnTo { position, speed } => self.turn_to(*position, *speed),
             Command::Align => self.align(),
-            Command::ReadNote { copy } if *copy < NOTE_COPIES => return Answer::Note(*copy),
-            Command::ReadNote { .. } => Err(Refusal::OutOfRange),
-            Command::WriteNote { copy, index, byte } => self.write_note(*copy, *index, *byte),
+            Command::ReadNote { index } => return Answer::Pong(Micros(self.store.read_note(*index))),
+            Command::WriteNote { index, byte } => {
+                self.refuse_if_running().map(|()| self.store.write_note(*index, *byte))
+            }
         };
         Answer::from(outcome)
     }
@@ -85,7 +86,6 @@ where
             Answer::Settings => Reply::Settings(self.settings),
             Answer::Calibration => Reply::Calibration(self.calibration),
             Answer::FaultRecord(index) => Reply::FaultRecord(self.store.read_fault(index).unwrap_or_default()),
-            Answer::Note(copy) => Reply::Note(self.store.read_note(copy)),
             Answer::Later => return,
         };
         Link::send(&MessageRef::Reply { to, reply: &reply }, outbox);
@@ -152,15 +152,6 @@ where
         self.refuse_if_running()?;
         self.telemetry.encoder = [EncoderCounts(0); 2];
         self.store.positions.align();
-        Ok(())
-    }
-
-    fn write_note(&mut self, copy: u8, index: u8, byte: u8) -> Result<(), Refusal> {
-        if copy >= NOTE_COPIES || index >= NOTE_LENGTH {
-            return Err(Refusal::OutOfRange);
-        }
-        self.refuse_if_running()?;
-        self.store.write_note(copy, index, byte);
         Ok(())
     }
 

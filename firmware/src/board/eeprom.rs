@@ -33,6 +33,7 @@ impl Storage for Eeprom {
         self.0.eedr.read().bits()
     }
 
+    #[inline(never)]
     fn write(&mut self, address: u16, byte: u8) {
         self.select(address);
         self.0.eedr.write(|write| write.bits(byte));

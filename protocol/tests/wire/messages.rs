@@ -83,8 +83,8 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
             Command::TurnTo { position: [EncoderCounts(-301), EncoderCounts(90_333)], speed: MAX_TURN_SPEED },
         ),
         ("Command::Align", Command::Align),
-        ("Command::ReadNote", Command::ReadNote { copy: 1 }),
-        ("Command::WriteNote", Command::WriteNote { copy: 1, index: 19, byte: 0xA5 }),
+        ("Command::ReadNote", Command::ReadNote { index: 36 }),
+        ("Command::WriteNote", Command::WriteNote { index: 39, byte: 0xA5 }),
     ];
     let replies = [
         ("Reply::Info", Reply::Info(info)),
@@ -94,7 +94,6 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("Reply::Calibration", Reply::Calibration(calibration)),
         ("Reply::Pong", Reply::Pong(Micros(123_456_789))),
         ("Reply::FaultRecord", Reply::FaultRecord(record)),
-        ("Reply::Note", Reply::Note(std::array::from_fn(|i| 0xE0 + i as u8))),
     ];
     commands
         .map(|(name, command)| (name, frame(&Request { seq: 200, command })))
@@ -201,8 +200,8 @@ pub fn any_request() -> impl Strategy<Value = Request> {
             speed: CentiRpm(speed),
         }),
         Just(Command::Align),
-        any::<u8>().prop_map(|copy| Command::ReadNote { copy }),
-        any::<[u8; 3]>().prop_map(|[copy, index, byte]| Command::WriteNote { copy, index, byte }),
+        any::<u8>().prop_map(|index| Command::ReadNote { index }),
+        any::<[u8; 2]>().prop_map(|[index, byte]| Command::WriteNote { index, byte }),
     ];
     (any::<u8>(), command).prop_map(|(seq, command)| Request { seq, command })
 }
@@ -214,7 +213,6 @@ pub fn any_message() -> impl Strategy<Value = Message> {
         one_of(&[Refusal::Calibrating, Refusal::EepromFailed]).prop_map(Reply::Refused),
         any_settings().prop_map(Reply::Settings),
         any::<u32>().prop_map(|time| Reply::Pong(Micros(time))),
-        any::<[u8; 20]>().prop_map(Reply::Note),
     ];
     prop_oneof![
         (any::<u8>(), reply).prop_map(|(to, reply)| Message::Reply { to, reply }),
