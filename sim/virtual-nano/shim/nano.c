@@ -281,6 +281,9 @@ static void step(nano_t *nano)
 	avr_flashaddr_t pc = avr->pc;
 	if (avr->state == cpu_Running && !nano->supply.off) {
 		pc = avr_run_one(avr);
+		// One more instruction runs once interrupts are on (sections 7.7 and 7.7.1), where simavr has two.
+		if (avr->interrupt_state == -2)
+			avr->interrupt_state = -1;
 		// Without its enable bit SLEEP does nothing (section 10.11.1).
 		if (avr->state == cpu_Sleeping && !(avr->data[REG_SMCR] & SLEEP_ENABLE))
 			avr->state = cpu_Running;

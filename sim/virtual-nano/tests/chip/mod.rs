@@ -3,6 +3,7 @@
 mod bus;
 mod eeprom;
 mod external_interrupts;
+mod interrupts;
 mod sleep;
 mod supply;
 mod watchdog;
