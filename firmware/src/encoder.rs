@@ -26,8 +26,8 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 pub const SPIKE_US: u16 = 60;
 
 /// Number of edges of an encoder between two ticks that are none by motion nor in step with the motors' PWM above which its
-/// interrupt is off until the next tick.
-pub const MAX_GLITCHES: u8 = 24;
+/// interrupt is off until the next tick: those of a spike at each of the 10 edges of one motor's PWM between two ticks.
+pub const MAX_GLITCHES: u8 = 20;
 
 /// Number of spikes in step with the motors' PWM above which it is off, too: four for each of the 20 edges of the PWM between two
 /// ticks.

@@ -7,7 +7,7 @@ use avr_device::interrupt::{self, CriticalSection, Mutex};
 use protocol::TICK_HZ;
 use protocol::units::Micros;
 
-use super::{CPU_HZ, encoders};
+use super::CPU_HZ;
 
 /// 16 MHz / 8: two counts per µs.
 const DIV_8: u8 = 0b010;
@@ -79,7 +79,7 @@ pub fn counter() -> u16 {
     unsafe { &*TC1::ptr() }.tcnt1.read().bits()
 }
 
-/// Calls [`encoders::look_again`] once when the counter is at `counter`, or at once if it has been there since the last alarm.
+/// Turns the interrupt `TIMER1_COMPB` on for when the counter is at `counter`, or for now if it has been there since the last alarm.
 /// Interrupts are off.
 #[inline(always)]
 pub fn alarm(counter: u16) {
@@ -89,6 +89,13 @@ pub fn alarm(counter: u16) {
         timer.ocr1b.write(|write| write.bits(counter));
         timer.timsk1.modify(|_, write| write.ocie1b().set_bit());
     }
+}
+
+/// Turns the interrupt of [`alarm`] off. Interrupts are off.
+#[inline(always)]
+pub fn alarm_off() {
+    // SAFETY: as in `alarm`.
+    unsafe { &*TC1::ptr() }.timsk1.modify(|_, write| write.ocie1b().clear_bit());
 }
 
 /// Returns the time at which the counter was `counter`, less than a wrap ago.
@@ -132,13 +139,4 @@ fn TIMER1_COMPA() {
     timer.ocr1a.modify(|read, write| write.bits(read.bits().wrapping_add(COUNTS_PER_TICK)));
     let due = DUE.borrow(cs);
     due.set(due.get().saturating_add(1));
-}
-
-#[avr_device::interrupt(atmega328p)]
-fn TIMER1_COMPB() {
-    // SAFETY: interrupts are off in an interrupt.
-    unsafe {
-        (*TC1::ptr()).timsk1.modify(|_, write| write.ocie1b().clear_bit());
-        encoders::look_again(CriticalSection::new());
-    }
 }

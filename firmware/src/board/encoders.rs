@@ -5,12 +5,14 @@
 //! time when the lines are at rest, with the direction that channel 2 then gives: channel 2 changes half-way between edges of
 //! channel 1. Nothing waits meanwhile. That interrupt is written by hand: it takes some 70 cycles, where the compiler's, which takes
 //! the edge, takes 300.
+//!
+//! The chip holds three bytes from the host, which come in 960 cycles: less than the work on the edges of two encoders takes. So
+//! that work lets all other interrupts in.
 
-use core::arch::global_asm;
+use core::arch::{asm, global_asm};
 use core::mem::{offset_of, size_of, take as replace};
 
-use avr_device::asm::delay_cycles;
-use avr_device::atmega328p::{EXINT, PORTD, TC0, TC2, exint};
+use avr_device::atmega328p::{CPU, EXINT, PORTD, TC0, TC1, TC2, cpu, exint};
 use avr_device::interrupt::{self, CriticalSection};
 use firmware::encoder::{Edges, Filter, MAX_PWM_SPIKES, PWM_SPIKE, is_by_pwm};
 
@@ -34,8 +36,12 @@ const BITS: [Bits; 2] = [
     Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 },
 ];
 
-/// Longer than a spike that is not in step with the PWM.
-const SPIKE_CYCLES: u32 = 64;
+/// Waits for longer than a spike lasts that is not in step with the PWM: 63 cycles, by a loop shorter than that of `delay_cycles`.
+#[inline(always)]
+fn outlast_spike() {
+    // SAFETY: the loop changes its counter only.
+    unsafe { asm!("1:", "dec {count}", "brne 1b", count = inout(reg) 21u8 => _, options(nomem, nostack)) };
+}
 
 /// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
 const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
@@ -84,8 +90,8 @@ pub fn start(interrupts: &EXINT) {
     unsafe {
         interrupts.eicra.write(|write| write.bits(ANY_EDGE));
         interrupts.eifr.write(|write| write.bits(INT0_INT1));
-        interrupts.eimsk.write(|write| write.bits(INT0_INT1));
     }
+    count_with(INT0_INT1);
 }
 
 /// Stops counting.
@@ -95,17 +101,54 @@ pub fn disable(interrupts: &EXINT) {
 
 /// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
 pub fn take() -> [Edges; 2] {
-    // One after the other, because an interrupt that waits dates its edge late.
-    let edges = [interrupt::free(|cs| take_of(cs, 0)), interrupt::free(|cs| take_of(cs, 1))];
-    // SAFETY: any value is valid in the register. An interrupt that turns itself off meanwhile will do so again.
-    unsafe { (*EXINT::ptr()).eimsk.write(|write| write.bits(INT0_INT1)) };
+    let edges = [take_of(0), take_of(1)];
+    // One that turns itself off between the two registers will do so again.
+    count_with(INT0_INT1);
     edges
 }
 
 #[inline(never)]
-fn take_of(cs: CriticalSection, encoder: usize) -> Edges {
-    let encoder = &mut encoders(cs)[encoder];
-    encoder.filter.take(clock::now_within(cs), clock::counter(), replace(&mut encoder.spikes))
+fn take_of(encoder: usize) -> Edges {
+    interrupt::free(|cs| {
+        let encoder = &mut encoders(cs)[encoder];
+        let (now, counter) = (clock::now_within(cs), clock::counter());
+        alone(|| encoder.filter.take(now, counter, replace(&mut encoder.spikes)))
+    })
+}
+
+/// Runs `work` with interrupts on, except those of the encoders. Interrupts are off before and after it.
+#[inline(always)]
+fn alone<R>(work: impl FnOnce() -> R) -> R {
+    // SAFETY: any value is valid in these registers, and only the interrupts that are off here use them. An interrupt of the encoders
+    // or main's `take` calls this; neither holds a critical section for more than the encoders.
+    unsafe {
+        let (mask, alarm) = (&(*EXINT::ptr()).eimsk, &(*TC1::ptr()).timsk1);
+        let then = alarm.read().bits();
+        mask.write(|write| write.bits(0));
+        alarm.write(|write| write.bits(then & !clock::ALARM));
+        interrupt::enable();
+        let result = work();
+        interrupt::disable();
+        mask.write(|write| write.bits(counting().read().bits()));
+        alarm.write(|write| write.bits(then));
+        result
+    }
+}
+
+/// GPIOR1: the interrupts of the encoders that are on, except while [`alone`] works.
+#[inline(always)]
+fn counting() -> &'static cpu::GPIOR1 {
+    // SAFETY: only used with interrupts off, or with those of the encoders.
+    unsafe { &(*CPU::ptr()).gpior1 }
+}
+
+/// Turns these interrupts of the encoders on, and the others off.
+fn count_with(interrupts: u8) {
+    // SAFETY: any value is valid in these registers.
+    unsafe {
+        counting().write(|write| write.bits(interrupts));
+        (*EXINT::ptr()).eimsk.write(|write| write.bits(interrupts));
+    }
 }
 
 /// Takes a change of channel 1, at whose interrupt these were the levels of the port and the clock's counter.
@@ -141,24 +184,25 @@ fn settle(encoder: &mut Encoder, mut port: u8, mut counter: u16) {
         }
     }
     encoder.level = port & channel_1;
-    let is_noisy = encoder.filter.feed(encoder.level != 0, counter, || {
-        // Channel 2 changes half-way between edges of channel 1, so that a change since then is a spike: one by the PWM has
-        // just begun, another one is over soon.
-        if (levels() ^ port) & channel_2 != 0 && !pwm_disturbs() {
-            delay_cycles(SPIKE_CYCLES);
-            port = levels();
+    alone(|| {
+        let is_noisy = encoder.filter.feed(encoder.level != 0, counter, || {
+            interrupt::disable();
+            // Channel 2 changes half-way between edges of channel 1, so that a change since then is a spike: one by the PWM has
+            // just begun, another one is over soon.
+            if (levels() ^ port) & channel_2 != 0 && !pwm_disturbs() {
+                outlast_spike();
+                port = levels();
+            }
+            port & channel_2 != 0
+        });
+        if is_noisy {
+            counting().modify(|read, write| write.bits(read.bits() & !interrupt));
         }
-        port & channel_2 != 0
     });
-    if is_noisy {
-        // SAFETY: interrupts are off; any value is valid in the register.
-        unsafe { (*EXINT::ptr()).eimsk.modify(|read, write| write.bits(read.bits() & !interrupt)) };
-    }
 }
 
 /// Takes the changes of channel 1 that no spike has ended, or looks again if the PWM disturbs the lines again.
-#[inline(never)]
-pub fn look_again(cs: CriticalSection) {
+fn look_again(cs: CriticalSection) {
     let (port, is_at_rest) = (levels(), !pwm_disturbs());
     for encoder in encoders(cs) {
         if encoder.has_changed == 0 {
@@ -208,6 +252,13 @@ fn levels() -> u8 {
     unsafe { &*PORTD::ptr() }.pind.read().bits()
 }
 
+#[avr_device::interrupt(atmega328p)]
+fn TIMER1_COMPB() {
+    clock::alarm_off();
+    // SAFETY: interrupts are off in an interrupt.
+    look_again(unsafe { CriticalSection::new() });
+}
+
 extern "avr-interrupt" fn edge_of_1() {
     let (port, counter) = (levels(), clock::counter());
     // SAFETY: interrupts are off in an interrupt.
@@ -225,6 +276,7 @@ const PIND: u8 = 0x09;
 const EIFR: u8 = 0x1C;
 const EIMSK: u8 = 0x1D;
 const TCNT0: u8 = 0x26;
+const GPIOR1: u8 = 0x2A;
 const OCR0A: u8 = 0x27;
 const TCNT2: u8 = 0xB2;
 const OCR2A: u8 = 0xB3;
@@ -328,6 +380,7 @@ macro_rules! interrupt_of {
             "in r24, {eimsk}",
             "andi r24, {without_interrupt}",
             "out {eimsk}, r24",
+            "out {counting}, r24",
             "rjmp 5b",
             sreg = const SREG,
             scratch = const SCRATCH,
@@ -342,6 +395,7 @@ macro_rules! interrupt_of {
             channel_1 = const BITS[$encoder].channel_1,
             eifr = const EIFR,
             eimsk = const EIMSK,
+            counting = const GPIOR1,
             pind = const PIND,
             tcnt1 = const clock::TCNT1L,
             ocr1b = const clock::OCR1BL,
