@@ -26,13 +26,15 @@ use crate::settings::{Saving, Store};
 use crate::storage::Storage;
 use crate::supply::Supply;
 
-/// The commit that the program was built from.
-#[derive(Clone, Copy, Debug, Default)]
+/// What the image knows of itself.
+#[derive(Clone, Copy, Debug)]
 pub struct Build {
     /// [`protocol::Info::git_hash`].
     pub git_hash: [u8; 4],
     /// [`protocol::Info::git_dirty`].
     pub git_dirty: bool,
+    /// Returns [`protocol::Info::ram_left`].
+    pub ram_left: fn() -> u16,
 }
 
 /// Findings of the start-up code.

@@ -20,7 +20,7 @@ mod nano {
     use crate::board::serial::{Inbox, Outbox};
     use crate::board::supply::SupplyMonitor;
     use crate::board::twi::Twi;
-    use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
+    use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, stack, test_point};
 
     // avr-libc instead of compiler_builtins: its f32 arithmetic is five times as fast, its memcpy a twentieth of the size.
     #[link(name = "m")]
@@ -40,8 +40,11 @@ mod nano {
         None => panic!("the hash of a commit has eight digits"),
     };
 
-    const BUILD: Build =
-        Build { git_hash: hash_bytes(), git_dirty: matches!(env!("BIFLAG_GIT_DIRTY").as_bytes(), b"1") };
+    const BUILD: Build = Build {
+        git_hash: hash_bytes(),
+        git_dirty: matches!(env!("BIFLAG_GIT_DIRTY").as_bytes(), b"1"),
+        ram_left: stack::ram_left,
+    };
 
     type Firmware = App<Twi, Pin, Pwm, Eeprom>;
 

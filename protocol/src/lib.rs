@@ -26,7 +26,7 @@
 //!
 //! | host to board | bytes | board answers | bytes |
 //! | --- | --- | --- | --- |
-//! | [`Command::Hello`] | 6 | [`Reply::Info`] | 38 |
+//! | [`Command::Hello`] | 6 | [`Reply::Info`] | 40 |
 //! | [`Command::SetSpeeds`] | 10 | [`Reply::Done`] | 7 |
 //! | [`Command::Stop`] | 6 | [`Reply::Done`] | 7 |
 //! | [`Command::Stream`] | 7 | [`Reply::Done`] | 7 |
@@ -92,7 +92,7 @@ pub const VERSION: u8 = 3;
 
 /// The first four bytes of the SHA-256 of the formats of all messages (`tests/wire/schema.txt`). Both sides compare it in
 /// the handshake, because two builds of one version can differ while the protocol is being changed.
-pub const SCHEMA: [u8; 4] = [0xd5, 0xc8, 0x71, 0xd1];
+pub const SCHEMA: [u8; 4] = [0x60, 0x51, 0x20, 0xcb];
 
 /// Speed of the line, bit/s: exact with the Nano's 16 MHz crystal.
 pub const BAUD: u32 = 500_000;

@@ -87,6 +87,9 @@ pub struct Info {
     pub angles_known: bool,
     /// [`Telemetry::encoder`](crate::Telemetry::encoder).
     pub encoder: [EncoderCounts; 2],
+    /// Bytes of memory that neither data nor stack have reached since the start.
+    #[serde(with = "crate::fixed::u16")]
+    pub ram_left: u16,
 }
 
 /// WHO_AM_I of a genuine MPU6050.

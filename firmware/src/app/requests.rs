@@ -200,6 +200,8 @@ where
     }
 
     fn info(&self) -> Info {
+        // First, so that no field waits for it on the stack.
+        let ram_left = (self.build.ram_left)();
         Info {
             protocol: VERSION,
             schema: SCHEMA,
@@ -219,6 +221,7 @@ where
             boot_count: self.boot_count,
             angles_known: self.store.positions.are_known(),
             encoder: self.telemetry.encoder,
+            ram_left,
         }
     }
 

@@ -91,11 +91,11 @@ pub fn alarm(counter: u16) {
     }
 }
 
-/// Turns the interrupt of [`alarm`] off. Interrupts are off.
+/// Turns the interrupt of [`alarm`] off; the others of the clock are on. Interrupts are off.
 #[inline(always)]
 pub fn alarm_off() {
     // SAFETY: as in `alarm`.
-    unsafe { &*TC1::ptr() }.timsk1.modify(|_, write| write.ocie1b().clear_bit());
+    unsafe { &*TC1::ptr() }.timsk1.write(|write| write.toie1().set_bit().ocie1a().set_bit());
 }
 
 /// Returns the time at which the counter was `counter`, less than a wrap ago.

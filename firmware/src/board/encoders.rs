@@ -125,7 +125,7 @@ fn alone<R>(work: impl FnOnce() -> R) -> R {
         let (mask, alarm) = (&(*EXINT::ptr()).eimsk, &(*TC1::ptr()).timsk1);
         let then = alarm.read().bits();
         mask.write(|write| write.bits(0));
-        alarm.write(|write| write.bits(then & !clock::ALARM));
+        clock::alarm_off();
         interrupt::enable();
         let result = work();
         interrupt::disable();

@@ -19,6 +19,7 @@ pub mod eeprom;
 pub mod encoders;
 pub mod outputs;
 pub mod serial;
+pub mod stack;
 pub mod supply;
 pub mod test_point;
 pub mod twi;

@@ -54,6 +54,7 @@ fn the_handshake_identifies_the_board() {
     assert_eq!((info.protocol, info.git_hash, info.git_dirty), (VERSION, [1, 2, 3, 4], true));
     assert_eq!(info.firmware.map(|part| part.to_string()).join("."), env!("CARGO_PKG_VERSION"));
     assert_eq!((info.imu_id, info.boot_count, info.settings_stored), (0x68, 1, false));
+    assert_eq!(info.ram_left, 614);
     assert_eq!(info.reset_cause, ResetCause::Unknown);
 }
 

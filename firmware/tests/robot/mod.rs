@@ -240,7 +240,7 @@ impl Bench {
         let [ain1, ain2, bin1, bin2, standby] = pins;
         let bridges =
             [Bridge::new([ain1, ain2], Pwm(world.clone(), 0)), Bridge::new([bin1, bin2], Pwm(world.clone(), 1))];
-        let build = Build { git_hash: [1, 2, 3, 4], git_dirty: true };
+        let build = Build { git_hash: [1, 2, 3, 4], git_dirty: true, ram_left: || 614 };
         let motors = Motors::new(bridges, standby);
         let mut app = App::new(Bus(world.clone()), motors, Memory(world.clone()), build);
         app.start(start);

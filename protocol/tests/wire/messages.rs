@@ -32,6 +32,7 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         boot_count: 300,
         angles_known: true,
         encoder: [EncoderCounts(-1), EncoderCounts(602)],
+        ram_left: 614,
     };
     let telemetry = Telemetry {
         seq: Count(513),

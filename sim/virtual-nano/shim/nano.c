@@ -345,7 +345,9 @@ void nano_poke(nano_t *nano, uint16_t address, uint8_t value)
 uint16_t nano_deepest_stack(const nano_t *nano, uint16_t bottom)
 {
 	uint16_t address = bottom < SRAM_START ? SRAM_START : bottom;
-	while (address <= RAMEND && nano->avr->data[address] == PAINT)
+	// PAINT, or what a program paints its free memory with.
+	uint8_t paint = nano->avr->data[address];
+	while (address <= RAMEND && nano->avr->data[address] == paint)
 		address++;
 	uint16_t touched = RAMEND + 1 - address;
 	uint16_t pointed = RAMEND - nano->lowest_sp;

@@ -44,6 +44,8 @@ fn the_image_fits_with_room_to_spare() {
         assert!(value <= limit, "{what}: {value} is more than {limit}");
     }
     assert!(tick.count > 500);
+    let told = u64::from(host.hello().ram_left);
+    assert_eq!(told, 2048 - ram, "the program knows how far its stack has come");
     assert_eq!(host.board.serial_overruns(), 0, "the program read bytes too late");
     assert_eq!(host.last().missed_ticks.0, 0);
 }

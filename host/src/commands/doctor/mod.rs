@@ -163,12 +163,13 @@ fn firmware(link: &Link) -> Finding {
     let info = link.info();
     let [major, minor, patch] = info.firmware;
     let detail = format!(
-        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?})",
+        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?}), {} bytes of RAM left",
         commit_text(info.git_hash, info.git_dirty),
         info.protocol,
         info.board_id,
         info.boot_count,
         info.reset_cause,
+        info.ram_left,
     );
     match info.imu_id {
         protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
