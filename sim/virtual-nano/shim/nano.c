@@ -61,13 +61,14 @@ static void eifr_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 	}
 }
 
-// An edge that came while its interrupt was off interrupts when it is on again (section 13.2.2). To simavr it is over.
-static void eimsk_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+// What has raised its flag while its interrupt was off interrupts when it is on again (sections 13.2.2 and 16.11.8). To simavr it
+// is over.
+static void mask_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	avr->data[address] = value;
 	for (int i = 0; i < avr->interrupts.vector_count; i++) {
 		avr_int_vector_t *vector = avr->interrupts.vector[i];
-		if (vector->raised.reg == REG_EIFR && avr_regbit_get(avr, vector->enable) && avr_regbit_get(avr, vector->raised))
+		if (vector->enable.reg == address && avr_regbit_get(avr, vector->enable) && avr_regbit_get(avr, vector->raised))
 			avr_raise_interrupt(avr, vector);
 	}
 }
@@ -184,7 +185,8 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
 	avr_register_io_write(avr, R_SPL, spl_write, nano);
 	avr_register_io_write(avr, REG_EIFR, eifr_write, nano);
-	avr_register_io_write(avr, REG_EIMSK, eimsk_write, nano);
+	avr_register_io_write(avr, REG_EIMSK, mask_write, nano);
+	avr_register_io_write(avr, REG_TIMSK1, mask_write, nano);
 	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset, .ioctl = on_ioctl };
 	avr_register_io(avr, &nano->module);
 	return nano;

@@ -25,3 +25,23 @@ fn one_instruction_runs_after_interrupts_are_turned_on_and_after_each() {
     assert_eq!(instructions_before("sei"), [1, 2]);
     assert_eq!(instructions_before("out 0x3F, r25"), [1, 2]);
 }
+
+#[test]
+fn a_timer_that_reached_its_compare_value_while_its_interrupt_was_off_interrupts_once_it_is_on() {
+    // Once before the interrupt is on at all, and once while an interrupt that waits is turned off and on.
+    let mut board = board(
+        "ISR(TIMER1_COMPB_vect) { OUT[3]++; }
+         int main(void) {
+             OUT[3] = 0;
+             OCR1B = 100; TCCR1B = 1 << CS10; _delay_us(20);
+             sei(); _delay_us(1); OUT[0] = OUT[3];
+             TIMSK1 = 1 << OCIE1B; _delay_us(1); OUT[1] = OUT[3];
+             cli(); OCR1B = TCNT1 + 100; _delay_us(20);
+             TIMSK1 = 0; sei(); _delay_us(1); OUT[2] = OUT[3];
+             TIMSK1 = 1 << OCIE1B; _delay_us(1); OUT[4] = OUT[3];
+             for (;;);
+         }",
+    );
+    run_ms(&mut board, 1);
+    assert_eq!([0, 1, 2, 4].map(|index| out(&board, index)), [0, 1, 1, 2]);
+}
