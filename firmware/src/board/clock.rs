@@ -17,8 +17,13 @@ const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
 pub const TIMSK1: u8 = 0x6F;
 pub const TCNT1L: u8 = 0x84;
 pub const OCR1BL: u8 = 0x8A;
-/// The bit of the alarm in TIMSK1.
-pub const ALARM: u8 = 1 << 2;
+/// In the space of input and output.
+pub const TIFR1: u8 = 0x16;
+/// The flag of the alarm in TIFR1, which the clock also raises when the alarm is off.
+pub const ALARM_FLAG: u8 = 1 << 2;
+/// TIMSK1 with the interrupts of overflow and tick, and with that of the alarm too.
+pub const WITHOUT_ALARM: u8 = 0b011;
+pub const WITH_ALARM: u8 = 0b111;
 
 /// The time at which the counter was last zero, µs.
 static BASE: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
@@ -35,10 +40,9 @@ pub fn start(timer: &TC1) {
         timer.tcnt1.write(|write| write.bits(0));
         timer.ocr1a.write(|write| write.bits(COUNTS_PER_TICK));
         timer.tifr1.write(|write| write.bits(0xFF));
+        timer.timsk1.write(|write| write.bits(WITHOUT_ALARM));
+        timer.tccr1b.write(|write| write.bits(DIV_8));
     }
-    timer.timsk1.write(|write| write.toie1().set_bit().ocie1a().set_bit());
-    // SAFETY: as above.
-    unsafe { timer.tccr1b.write(|write| write.bits(DIV_8)) };
 }
 
 /// Allows the sleep of [`sleep_unless`]: idle mode, which stops the processor only (section 9.3).
@@ -79,15 +83,15 @@ pub fn counter() -> u16 {
     unsafe { &*TC1::ptr() }.tcnt1.read().bits()
 }
 
-/// Turns the interrupt `TIMER1_COMPB` on for when the counter is at `counter`, or for now if it has been there since the last alarm.
-/// Interrupts are off.
+/// Turns the interrupt `TIMER1_COMPB` on for when the counter is at `counter`, which is some µs ahead. Interrupts are off.
 #[inline(always)]
 pub fn alarm(counter: u16) {
     // SAFETY: interrupts are off; any value is valid in these registers.
     unsafe {
         let timer = &*TC1::ptr();
         timer.ocr1b.write(|write| write.bits(counter));
-        timer.timsk1.modify(|_, write| write.ocie1b().set_bit());
+        timer.tifr1.write(|write| write.bits(ALARM_FLAG));
+        timer.timsk1.write(|write| write.bits(WITH_ALARM));
     }
 }
 
@@ -95,7 +99,7 @@ pub fn alarm(counter: u16) {
 #[inline(always)]
 pub fn alarm_off() {
     // SAFETY: as in `alarm`.
-    unsafe { &*TC1::ptr() }.timsk1.write(|write| write.toie1().set_bit().ocie1a().set_bit());
+    unsafe { (*TC1::ptr()).timsk1.write(|write| write.bits(WITHOUT_ALARM)) };
 }
 
 /// Returns the time at which the counter was `counter`, less than a wrap ago.

@@ -51,12 +51,13 @@ static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 	nano->out.mark(nano->out.context, now(nano), value);
 }
 
-// A one clears the flag of an external interrupt (section 13.2.3). To simavr the register is plain memory.
-static void eifr_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+// A one clears the flag of an interrupt (sections 13.2.3 and 16.11.9). To simavr the register is plain memory, or any write clears
+// all flags of the timer.
+static void flags_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	for (int i = 0; i < avr->interrupts.vector_count; i++) {
 		avr_int_vector_t *vector = avr->interrupts.vector[i];
-		if (vector->raised.reg == REG_EIFR && value >> vector->raised.bit & 1)
+		if (vector->raised.reg == address && value >> vector->raised.bit & 1)
 			avr_clear_interrupt(avr, vector);
 	}
 }
@@ -184,7 +185,8 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	chain(nano, REG_PORTC, write_then_bus);
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
 	avr_register_io_write(avr, R_SPL, spl_write, nano);
-	avr_register_io_write(avr, REG_EIFR, eifr_write, nano);
+	avr_register_io_write(avr, REG_EIFR, flags_write, nano);
+	replace_io(nano, REG_TIFR1, 0, flags_write);
 	avr_register_io_write(avr, REG_EIMSK, mask_write, nano);
 	avr_register_io_write(avr, REG_TIMSK1, mask_write, nano);
 	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset, .ioctl = on_ioctl };

@@ -45,3 +45,16 @@ fn a_timer_that_reached_its_compare_value_while_its_interrupt_was_off_interrupts
     run_ms(&mut board, 1);
     assert_eq!([0, 1, 2, 4].map(|index| out(&board, index)), [0, 1, 1, 2]);
 }
+
+#[test]
+fn a_one_clears_a_flag_of_a_timer_and_no_other() {
+    let mut board = board(
+        "int main(void) {
+             OCR1A = OCR1B = 100; TCCR1B = 1 << CS10; _delay_us(20);
+             OUT[0] = TIFR1; TIFR1 = 1 << OCF1B; OUT[1] = TIFR1;
+             for (;;);
+         }",
+    );
+    run_ms(&mut board, 1);
+    assert_eq!([out(&board, 0), out(&board, 1)], [0b110, 0b010]);
+}
