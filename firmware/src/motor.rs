@@ -258,6 +258,16 @@ mod tests {
         pwm2.clone().done();
     }
 
+    #[test]
+    fn a_turn_slows_down_before_its_position_and_ends_at_it() {
+        let turn = Turn { position: [EncoderCounts(100), EncoderCounts(-7)], speed: CentiRpm(3000) };
+        let speeds = |from: [i32; 2]| turn.speeds(from.map(EncoderCounts)).map(|speed| speed.0);
+        assert_eq!(speeds([-500, 700]), [3000, -3000]);
+        assert_eq!(speeds([41, 52]), [2950, -2950]);
+        assert_eq!(speeds([97, -4]), [150, -150]);
+        assert_eq!(speeds([98, -9]), [0, 0]);
+    }
+
     /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms, and its encoder.
     fn simulate(control: &mut SpeedControl, speed: &mut f64, target: CentiRpm, rpm_per_step: f64, ticks: u32) -> i16 {
         let (mut duty, mut position, count) = (Duty(0), 0.0f64, count_in_ticks(602.22));
