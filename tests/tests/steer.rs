@@ -77,6 +77,19 @@ fn failing_policy_stops_the_motors_and_leaves_a_log() {
     }
 }
 
+/// A time without a reading that the board bridged is a finding of a steered run, too.
+#[test]
+fn gap_of_the_sensor_is_named_at_the_end() {
+    let bench = Bench::new();
+    let mut arguments = lock_step("run", "while read line; do echo '{\"speeds_rpm\": [50, 10]}'; done", "3");
+    // The board tries again in each tick, so that 34 transactions are 0.17 s.
+    arguments.extend(["--fault", "nack=0,34@2"]);
+    let json = bench.run(arguments).expect_code(3).json();
+    let findings = json["findings"].as_array().unwrap();
+    let gap = findings.iter().find(|finding| finding["text"].as_str().unwrap().contains("no reading for 0.1"));
+    assert_eq!(gap.unwrap_or_else(|| panic!("no gap: {json}"))["grave"], true);
+}
+
 /// In real time, a policy that says nothing more stops the motors after 0.4 s.
 #[test]
 fn silent_policy_stops_the_motors() {

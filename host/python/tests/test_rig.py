@@ -15,9 +15,8 @@ def rig(folder: Path) -> biflag.Rig:
 
 
 def test_rig_and_simulator_have_one_interface_and_agree(tmp_path: Path) -> None:
-    simulator = biflag.Simulator(biflag.Robot.physical())
-    simulator.reset()
-    with rig(tmp_path) as board:
+    with biflag.Simulator(biflag.Robot.physical()) as simulator, rig(tmp_path) as board:
+        assert simulator.reset().time == 0.0
         assert board.reset().time == 0.0
         for _ in range(4):
             speeds = (50.0, 10.0)

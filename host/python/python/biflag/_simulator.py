@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import TracebackType
 
 import numpy as np
 
@@ -86,6 +87,17 @@ class Simulator:
         if failures[0]:
             raise Error(failures[0], "solver", failures[0])
         return self.state
+
+    def close(self) -> None:
+        """Does nothing: only a rig has motors to stop."""
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     @property
     def state(self) -> State:

@@ -10,7 +10,7 @@ use protocol::units::{CentiRpm, Micros};
 use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 use study::plan::TICK_US;
 use study::run;
 use study::trial::DAMAGED_FRAME;
@@ -32,6 +32,9 @@ const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
 /// Interval at which an awaited answer is looked for, that of the link's thread.
 const ANSWER_POLL: Duration = Duration::from_millis(2);
+
+/// Longest wait for a frame with the motors off, which follows the stop by a tick.
+const OFF_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Events to keep when the queue is drained.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -78,6 +81,8 @@ pub(super) struct Recorder<'a> {
     reached_us: Option<u64>,
     pings: PingClock,
     state: (State, Fault),
+    /// Whether a motor was driven in the last frame that came.
+    is_driven: bool,
 }
 
 impl<'a> Recorder<'a> {
@@ -105,6 +110,7 @@ impl<'a> Recorder<'a> {
             reached_us: None,
             pings: PingClock::default(),
             state: (State::Idle, Fault::None),
+            is_driven: false,
         }
     }
 
@@ -304,10 +310,20 @@ impl<'a> Recorder<'a> {
         outcome.and(Ok(self.trial.log.tick()?))
     }
 
+    /// Waits for a frame with both motors off, so that a log that ends early shows when they were.
+    pub(super) fn hear_off(&mut self) -> Result<(), RecordError> {
+        let begun = Instant::now();
+        while self.is_driven && begun.elapsed() < OFF_TIMEOUT {
+            self.hear(ANSWER_POLL)?;
+        }
+        Ok(())
+    }
+
     /// Records an event; a telemetry frame waits.
     fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
         if let Some((telemetry, host)) = self.take(received)? {
             let board_us = self.clock.unwrap(telemetry.time).ok_or(RecordError::ClockJumped(None))?;
+            self.is_driven = telemetry.duty.iter().any(|duty| duty.0 != 0);
             self.waiting.push_back(Frame { board_us, host, telemetry });
         }
         Ok(())

@@ -164,6 +164,9 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
     let (stopped, meanwhile) = recorder.exchange(Command::Stop);
     let mut outcome = first_failure(phases, meanwhile);
     if stopped.is_ok() {
+        if keep == Keep::Frames {
+            outcome = first_failure(outcome, recorder.hear_off());
+        }
         let (_, meanwhile) = recorder.exchange(Command::Stream { rate_hz: 0 });
         outcome = first_failure(outcome, meanwhile);
         if let Err(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut outcome {

@@ -8,9 +8,10 @@
 //! | scale | u(scale) of the yaw |
 //! | gravity | u(sensitivity to gravity) sin(tilt) t |
 //! | bias | N t √(6/5) / √rest, the error of a slope of the yaw over the rest, and of the bias's walk b t √(t/3) |
+//! | warming | u(bias per degree Celsius) r (rest + t)/2 t, for a base that warms at the rate r ([`WARMING_C_PER_S`]) |
 //! | noise | N √t, the angle random walk |
 
-use crate::attitude::ANGLE_WALK;
+use crate::attitude::{ANGLE_WALK, WARMING_DPS_PER_C};
 use crate::sensor::Sensor;
 use crate::text::decimal;
 use std::fmt;
@@ -18,12 +19,17 @@ use std::fmt;
 /// Half width of a 95 % interval in standard deviations.
 const COVERAGE: f64 = 1.96;
 
+/// Assumed: how fast the base warms in the first minutes of a run, °C/s, as by 2 °C in the end with a time constant of 300 s.
+/// Nothing shows the drift that follows from it while the motors turn.
+const WARMING_C_PER_S: f64 = 2.0 / 300.0;
+
 /// Error of the yaw by its causes, standard uncertainties in degrees.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct YawError {
     scale: f64,
     gravity: f64,
     bias: f64,
+    warming: f64,
     noise: f64,
 }
 
@@ -37,21 +43,26 @@ pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, ti
         gravity: gravity_dps.abs() * time_s,
         // The mean bias while the yaw is held, against that of the rest.
         bias: slope.hypot(sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
+        warming: WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s,
         noise: walk * time_s.sqrt(),
     }
 }
 
 impl YawError {
+    fn terms(&self) -> [(&'static str, f64); 5] {
+        let Self { scale, gravity, bias, warming, noise } = *self;
+        [("scale", scale), ("gravity", gravity), ("bias", bias), ("warming", warming), ("noise", noise)]
+    }
+
     /// Returns the half width of the 95 % interval, degrees.
     pub fn uncertainty_deg(&self) -> f64 {
-        COVERAGE * [self.scale, self.gravity, self.bias, self.noise].into_iter().fold(0.0, f64::hypot)
+        COVERAGE * self.terms().into_iter().map(|(_, u_deg)| u_deg).fold(0.0, f64::hypot)
     }
 }
 
 impl fmt::Display for YawError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let terms = [("scale", self.scale), ("gravity", self.gravity), ("bias", self.bias), ("noise", self.noise)];
-        let terms = terms.map(|(name, u_deg)| format!("{name} {}°", decimal(COVERAGE * u_deg, 1)));
+        let terms = self.terms().map(|(name, u_deg)| format!("{name} {}°", decimal(COVERAGE * u_deg, 1)));
         write!(f, "± {}° ({})", decimal(self.uncertainty_deg(), 1), terms.join(", "))
     }
 }
@@ -69,6 +80,9 @@ mod tests {
         assert!(error(0.0, 120.0).uncertainty_deg() < after(120.0));
         // 3 % / √3 of 67 degrees, twice.
         assert!((after(1.0) - 2.27).abs() < 0.05, "{}", after(1.0));
-        assert_eq!(error(-67.0, 120.0).to_string(), "± 2.8° (scale 2.3°, gravity 1.4°, bias 0.8°, noise 0.1°)");
+        assert_eq!(
+            error(-67.0, 120.0).to_string(),
+            "± 4.2° (scale 2.3°, gravity 1.4°, bias 0.8°, warming 3.2°, noise 0.1°)"
+        );
     }
 }

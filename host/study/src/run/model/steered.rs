@@ -20,8 +20,10 @@ use thiserror::Error;
 /// request on the line (1.6 ms), and USB with its default timer of 16 ms, on average half of it.
 pub const DELAY_S: f64 = 0.020;
 
-/// Time constant of the motors under speed control, s: on the emulated board, flagella that start to 50 rpm lag by as much.
-pub const MOTOR_S: f64 = 0.40;
+/// Time for which a motor falls behind the angle of a target that jumps, s. Then it is faster than the target until it has made
+/// that up: the board's motors follow an angle. On the emulated board flagella that start to 50 rpm fall behind for 0.35 s,
+/// those that start to 10 rpm for 0.27 s.
+pub const MOTOR_S: f64 = 0.33;
 
 const PERIOD_S: f64 = PERIOD_US as f64 * 1e-6;
 
@@ -90,6 +92,8 @@ struct Run<'a> {
     tally: Tally,
     /// Speeds of the shafts, rad/s.
     speeds: [f64; 2],
+    /// How far the shafts are behind the angles of their targets, rad.
+    behind: [f64; 2],
     /// The set-point in force.
     target: [CentiRpm; 2],
     /// Time and rate of the last sample.
@@ -120,6 +124,7 @@ impl<'a> Run<'a> {
             kept,
             tally: Tally::default(),
             speeds: [0.0; 2],
+            behind: [0.0; 2],
             target: [CentiRpm(0); 2],
             last: None,
             index: 0,
@@ -154,13 +159,18 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Extends the motion to a time. The speeds approach their targets exponentially.
+    /// Extends the motion to a time. A shaft follows the angle of its target with critical damping: with e, how far it is
+    /// behind, e'' + 2 e'/T + e/T² = 0 between two set-points.
     fn turn(&mut self, until_s: f64, passed_s: f64) -> Result<(), ModelError> {
         let left = (-passed_s / MOTOR_S).exp();
-        self.speeds = [0, 1].map(|k| {
-            let target = self.target[k].rad_per_s();
-            target + (self.speeds[k] - target) * left
-        });
+        for k in 0..2 {
+            let (target, before) = (self.target[k].rad_per_s(), self.speeds[k]);
+            let slower = target - before;
+            let share = (slower + self.behind[k] / MOTOR_S) * passed_s / MOTOR_S;
+            self.speeds[k] = target - (slower - share) * left;
+            // As the motion has it, whose speeds are linear.
+            self.behind[k] += (target - 0.5 * (before + self.speeds[k])) * passed_s;
+        }
         let failed = |error| ModelError::Profile { trial: self.name.to_owned(), error };
         self.robot.extend(until_s, self.speeds).map_err(failed)
     }
@@ -221,13 +231,38 @@ fn instant(time_s: f64) -> SystemTime {
 mod tests {
     use super::*;
     use crate::aim::shipped;
-    use crate::steer::{Controller, Held, Map, Pilot, RATE_HZ};
+    use crate::steer::{Controller, Held, Map, Patience, Pilot, Policy, RATE_HZ, Wanted};
     use crate::trial::{Data, Want, Zeroed};
     use biflag_log::{Body, Method, Reader};
     use protocol::Settings;
     use sim::body::closure::Closure;
     use sim::params::Robot;
     use sim::trial::Options;
+
+    /// The board's motors follow the angles of their targets, so that flagella that have started lose no phase.
+    #[test]
+    fn started_flagella_make_up_for_their_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("steered.mcap");
+        let plan = Plan::of_speeds([CentiRpm(0); 2], "calibrate = 0\npreroll = 0\nrun = 4\ndecay = 0", "").unwrap();
+        let options = Options { rate_hz: RATE_HZ, shapes: false };
+        let model = Model::new(Robot::default(), Settings::DEFAULT, Closure::Full, Method::Trial, options);
+        let command = "while read line; do echo '{\"speeds_rpm\": [50, -10]}'; done";
+        let policy = Policy::start(command, Patience::OF_MODEL).unwrap();
+        let mut steering = Steering::new(Wanted { yaw_deg: 0.0, pitch_deg: 0.0 }, Pilot::Policy(policy));
+        steer(&model, &plan, &plan.trials[0], (&mut steering, &SteerMeta::default()), (1, &path), &|_| true).unwrap();
+        let set_points = Reader::open(&path).unwrap().flatten();
+        let behind: Vec<[f64; 2]> = set_points
+            .filter_map(|message| if let Body::Steering(set_point) = message.body { Some(set_point) } else { None })
+            .map(|s| {
+                let turned_s = s.observed_us as f64 * 1e-6 - DELAY_S;
+                [50.0 / 60.0 * turned_s - s.turns1, -10.0 / 60.0 * turned_s - s.turns2]
+            })
+            .collect();
+        let largest = behind.iter().fold(0.0_f64, |largest, [first, _]| largest.max(*first));
+        assert!((0.08..0.12).contains(&largest), "{largest}");
+        assert!(behind.last().unwrap().iter().all(|turns| turns.abs() < 1e-3), "{behind:?}");
+    }
 
     /// Steers a robot that is not that of the controller's map. Returns the log's folder and what was held.
     #[test]
