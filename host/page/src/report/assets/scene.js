@@ -13,12 +13,13 @@ const TRAIL_POINTS = 72;
 const FLY = { azimuth: 0.6, azimuth_s: 24, elevation: 0.14, elevation_s: 37 };
 
 biflag.Scene = class {
-  /** Where the robot is seen from; flat views, along an axis, have no perspective. */
+  /** Where the robot is seen from. Flat views, along an axis, have no perspective; `whole`: the tank fills the view. */
   static VIEWS = {
-    perspective: { azimuth: -0.62, elevation: 0.52, zoom: 1, flat: false },
-    top: { azimuth: 0, elevation: Math.PI / 2, zoom: 1, flat: true },
-    front: { azimuth: 0, elevation: 0, zoom: 1, flat: true },
-    side: { azimuth: Math.PI / 2, elevation: 0, zoom: 1, flat: true },
+    perspective: { azimuth: -0.62, elevation: 0.52, zoom: 1, flat: false, whole: false },
+    tank: { azimuth: -0.95, elevation: 0.4, zoom: 1, flat: false, whole: true },
+    top: { azimuth: 0, elevation: Math.PI / 2, zoom: 1, flat: true, whole: false },
+    front: { azimuth: 0, elevation: 0, zoom: 1, flat: true, whole: false },
+    side: { azimuth: Math.PI / 2, elevation: 0, zoom: 1, flat: true, whole: false },
   };
 
   constructor(canvas, trial) {
@@ -30,6 +31,8 @@ biflag.Scene = class {
     /** What moves the camera: nothing (`still`), the robot's yaw (`follow`), or the time that it has flown (`fly`). */
     this.camera = "still";
     this.flown_s = 0;
+    /** Pixels of the canvas for one of the page, while a film needs the same size all the time. */
+    this.ratio = null;
     this.strongest = this.largestForce();
     this.paint();
     this.listen();
@@ -79,14 +82,15 @@ biflag.Scene = class {
 
   /** The camera: a projection onto the canvas for lines, and the same as a matrix for solids. */
   lens(width, height, yaw) {
-    const reach = this.robots[0].reach;
-    const { zoom, flat } = this.view;
+    const [robot] = this.robots;
+    const { zoom, flat, whole } = this.view;
     const [azimuth, elevation] = this.place(yaw);
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
     const [right, away, up] = [[ca, sa, 0], [-sa * ce, ca * ce, -se], [-sa * se, ca * se, ce]];
-    const tall = reach * (1.5 * Math.abs(ce) + 1.05 * Math.abs(se));
-    const scale = zoom * Math.min(height / tall, width / (reach * 1.05));
-    const middle = [0, 0, -0.45 * reach];
+    const { middle, reach, wide, tall } = whole
+      ? biflag.Tank.frame(robot.tank, right, up)
+      : { middle: [0, 0, -0.45 * robot.reach], reach: robot.reach, wide: 1.05 * robot.reach, tall: robot.reach * (1.5 * Math.abs(ce) + 1.05 * Math.abs(se)) };
+    const scale = zoom * Math.min(height / tall, width / wide);
     const far = flat ? Infinity : 9 * reach;
     const project = (point) => {
       const p = biflag.minus(point, middle);
@@ -106,7 +110,7 @@ biflag.Scene = class {
     const begun = performance.now();
     const { canvas } = this;
     // Without a graphics card, many pixels take longer than a frame: the robot moves in coarser ones.
-    const ratio = this.trial.playing && this.isSlow ? 1 : devicePixelRatio;
+    const ratio = this.ratio ?? (this.trial.playing && this.isSlow ? 1 : devicePixelRatio);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!width || !height) return;
     const size = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -239,7 +243,7 @@ biflag.Scene = class {
   }
 
   /** The scale of the yaw with its pointers. */
-  compass({ ctx, project, path }, own, model) {
+  compass({ ctx, project, path, scale }, own, model) {
     const reach = this.robots[0].reach;
     const [radius, z] = [0.24 * reach, 0.1 * reach];
     const on = (angle, r) => [r * Math.cos(angle), r * Math.sin(angle), z];
@@ -249,7 +253,8 @@ biflag.Scene = class {
     for (let i = 0; i < 12; i++) {
       const angle = (i * Math.PI) / 6;
       path([on(angle, radius), on(angle, radius * (i % 3 ? 0.95 : 0.89))], this.css.line, 1.2);
-      if (i % 3) continue;
+      // A small ring has no room for numbers.
+      if (i % 3 || radius * scale < 24) continue;
       const [x, y] = project(on(angle, radius * 1.24));
       // Seen from the side, opposite angles are at one place.
       if (written.some(([u, v]) => Math.hypot(x - u, y - v) < 22)) continue;
