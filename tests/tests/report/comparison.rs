@@ -186,6 +186,17 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     assert!((browser.number(&format!("{shown} [data-out^=time]")).unwrap() - 4.25).abs() < 0.01);
     assert!(view(&mut browser) == seen);
 
+    // The Tab key stops once at each group of buttons and at each map; arrow keys go on within it.
+    let stops = browser.evaluate(
+        "[...document.querySelectorAll('a[href], button, input, select, summary, [tabindex]')].filter((e) => e.tabIndex >= 0 && \
+         !e.disabled && e.checkVisibility()).length",
+    );
+    println!("{stops} stops of the Tab key");
+    assert!(stops.as_u64().unwrap() <= 60, "{stops}");
+    browser.evaluate(&format!("document.querySelector('{shown} [data-look=perspective]').focus()"));
+    browser.key("ArrowRight", 39);
+    assert_eq!(browser.evaluate("document.activeElement.dataset.look"), json!("top"));
+
     // The ribbon names the phases, and a click on it selects a time.
     let ribbon = format!("document.querySelector('{shown} .ribbon')");
     assert_eq!(

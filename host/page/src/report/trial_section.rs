@@ -219,7 +219,8 @@ fn charts(view: &View) -> Markup {
             }
             span.screen {
                 " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. \
-                 Click an entry of a legend to hide its curve. The address of the page stores the view."
+                 Click an entry of a legend to hide its curve. Tab goes from one group of buttons to the next, arrow \
+                 keys go on within a group. The address of the page stores the view."
             }
         }
     }

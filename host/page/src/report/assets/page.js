@@ -70,6 +70,7 @@
   addEventListener("afterprint", () => paper(false));
 
   for (const maps of document.querySelectorAll(".maps")) biflag.addSaveButtons(maps);
+  for (const part of document.querySelectorAll("body > header, body > aside")) biflag.roveIn(part);
 
   for (const button of document.querySelectorAll("th button")) {
     button.addEventListener("click", () => {

@@ -35,7 +35,7 @@ biflag.Scene = class {
     this.ratio = null;
     this.strongest = this.largestForce();
     this.paint();
-    this.listen();
+    biflag.takeHand(this);
   }
 
   get hasGhost() {
@@ -357,42 +357,6 @@ biflag.Scene = class {
     this.camera = this.camera === camera ? "still" : camera;
     this.flown_s = 0;
     this.trial.changed();
-  }
-
-  listen() {
-    const { canvas } = this;
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      canvas.classList.add("held");
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (canvas.hasPointerCapture(event.pointerId)) this.turn(-event.movementX * 0.01, event.movementY * 0.01);
-    });
-    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => canvas.classList.remove("held"));
-    canvas.addEventListener("wheel", (event) => {
-      // Without a modifier key, the wheel scrolls the page.
-      if (!event.ctrlKey && !event.metaKey) return;
-      event.preventDefault();
-      this.zoom(Math.exp(-event.deltaY * 0.002));
-    }, { passive: false });
-    canvas.addEventListener("dblclick", () => this.look("perspective"));
-    const keys = {
-      ArrowLeft: () => this.turn(0.1, 0),
-      ArrowRight: () => this.turn(-0.1, 0),
-      ArrowUp: () => this.turn(0, 0.1),
-      ArrowDown: () => this.turn(0, -0.1),
-      "+": () => this.zoom(1.2),
-      "=": () => this.zoom(1.2),
-      "-": () => this.zoom(1 / 1.2),
-      Home: () => this.look("perspective"),
-      " ": () => this.trial.toggle(),
-    };
-    canvas.addEventListener("keydown", (event) => {
-      const act = keys[event.key];
-      if (!act || event.ctrlKey || event.altKey || event.metaKey) return;
-      event.preventDefault();
-      act();
-    });
   }
 };
 

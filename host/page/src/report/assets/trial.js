@@ -12,8 +12,15 @@ biflag.Trial = class extends biflag.Player {
     this.charts = [...section.querySelectorAll("[data-chart]")].map((place) => new biflag.Chart(place, place.dataset.chart, this));
     this.ribbon = new biflag.Ribbon(section.querySelector("[data-ribbon]"), this);
     biflag.Address.restore(this);
-    new ResizeObserver(() => this.resize()).observe(section.querySelector(".charts"));
     this.show();
+    const charts = section.querySelector(".charts");
+    let width = charts.clientWidth;
+    // An observer also reports the size that it finds, in which all is drawn already.
+    new ResizeObserver(() => {
+      if (charts.clientWidth === width) return;
+      width = charts.clientWidth;
+      this.resize();
+    }).observe(charts);
   }
 
   find() {
@@ -40,6 +47,7 @@ biflag.Trial = class extends biflag.Player {
     each("[data-curve]", (button) => this.toggleCurve(button.dataset.curve));
     biflag.addSaveButtons(this.section, this);
     biflag.Film.addButton(this.section, this);
+    biflag.roveIn(this.section);
     for (const link of this.section.querySelectorAll("[data-seek]")) link.addEventListener("click", () => this.seek(Number(link.dataset.seek)));
   }
 
