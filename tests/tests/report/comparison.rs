@@ -85,7 +85,9 @@ const FILM: &str = "(async () => {
     const named = new Promise((done) => { HTMLAnchorElement.prototype.click = function () { done(this.download); }; });
     const button = document.querySelector('SECTION .film');
     button.click();
-    await new Promise((done) => setTimeout(done, 700));
+    // Frames, because a busy computer draws few in a second.
+    for (let i = 0; i < 25; i++) await new Promise((done) => requestAnimationFrame(done));
+    await new Promise((done) => setTimeout(done, 500));
     button.click();
     const file = await made;
     URL.createObjectURL = make;

@@ -5,7 +5,6 @@ mod palette;
 mod picture;
 mod render;
 mod scene;
-mod trail;
 
 pub(crate) use moving::Moving;
 pub use picture::Picture;

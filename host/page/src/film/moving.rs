@@ -3,9 +3,7 @@
 use super::FilmError;
 use super::picture::{Picture, Seen};
 use super::render::{Rgb, Solid, V3};
-use super::trail::trails;
 use crate::report::shapes::at_rest;
-use nalgebra::UnitQuaternion;
 use sim::body::shaft::Shaft;
 use std::f64::consts::TAU;
 use study::attitude::Columns;
@@ -45,20 +43,9 @@ impl Moving {
         self.picture.seen(&self.solids(time_s))
     }
 
-    /// Draws the robot with the trails of its tips at a time of the trial.
+    /// Draws the robot at a time of the trial.
     pub(super) fn draw(&self, time_s: f64) -> Vec<Rgb> {
-        let first_s = self.angles_deg.time_s.first().copied().unwrap_or(time_s);
-        let rod_m = self.picture.robot.flagellum.rod_radius_m;
-        let mut solids = self.solids(time_s);
-        solids.extend(trails(time_s, first_s, rod_m, |time_s| self.tips(time_s)));
-        self.picture.draw(&solids)
-    }
-
-    /// Returns both tips at a time of the trial, world axes, m.
-    fn tips(&self, time_s: f64) -> [V3; 2] {
-        let [yaw, pitch, roll] = self.angles_deg(time_s).map(f64::to_radians);
-        let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-        self.lines(time_s).map(|line| attitude * V3::from(line[line.len() - 1]))
+        self.picture.draw(&self.solids(time_s))
     }
 
     fn solids(&self, time_s: f64) -> Vec<Solid> {

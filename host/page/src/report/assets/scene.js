@@ -174,13 +174,14 @@ biflag.Scene = class {
     const radius = 0.5 * robot.body.rod_radius_m;
     const from = Math.max(0, time - TRAIL_S);
     if (time - from < 0.01) return mesh;
-    const times = Array.from({ length: TRAIL_POINTS }, (_, i) => from + ((time - from) * i) / (TRAIL_POINTS - 1));
+    const times = robot.trailTimes(from, time, TRAIL_POINTS);
     const turns = times.map((t) => biflag.rotation(this.attitude("", t) ?? [0, 0, 0]));
     for (const k of [0, 1]) {
-      const path = times.map((t, i) => biflag.turned(turns[i], robot.tip(k, t)));
+      const tips = times.map((t, i) => biflag.turned(turns[i], robot.tip(k, t)));
+      const path = biflag.smooth(tips, Math.max(1, Math.round(TRAIL_POINTS / tips.length)));
       const moved = path.some((point) => Math.hypot(...biflag.minus(point, path[0])) > radius);
       const pale = this.rgb(`flagellum${k + 1}`).map((part) => 0.55 * part + 0.45);
-      if (moved) mesh.tube(path, (i) => radius * (0.12 + (0.88 * i) / (TRAIL_POINTS - 1)), pale, 6);
+      if (moved) mesh.tube(path, (i) => radius * (0.12 + (0.88 * i) / (path.length - 1)), pale, 6);
     }
     return mesh;
   }
