@@ -78,6 +78,19 @@ const SAVE_ALL: &str = "(async () => {
     return files;
 })()";
 
+/// Films a view up to the end of its trial; returns the name, type, size and first bytes of the file.
+const FILM: &str = "(async () => {
+    const make = URL.createObjectURL;
+    const made = new Promise((done) => { URL.createObjectURL = (file) => { done(file); return make.call(URL, file); }; });
+    const named = new Promise((done) => { HTMLAnchorElement.prototype.click = function () { done(this.download); }; });
+    const button = document.querySelector('SECTION .film');
+    button.click();
+    const file = await made;
+    URL.createObjectURL = make;
+    const head = [...new Uint8Array(await file.slice(0, 4).arrayBuffer())];
+    return { name: await named, type: file.type, size: file.size, head };
+})()";
+
 #[test]
 fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_saved() {
     let bench = Bench::new();
@@ -170,6 +183,37 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     assert_eq!(browser.evaluate("location.hash"), json!(address));
     assert!((browser.number(&format!("{shown} [data-out^=time]")).unwrap() - 4.25).abs() < 0.01);
     assert!(view(&mut browser) == seen);
+
+    // The Tab key stops once at each group of buttons and at each map; arrow keys go on within it.
+    let stops = browser.evaluate(
+        "[...document.querySelectorAll('a[href], button, input, select, summary, [tabindex]')].filter((e) => e.tabIndex >= 0 && \
+         !e.disabled && e.checkVisibility()).length",
+    );
+    println!("{stops} stops of the Tab key");
+    assert!(stops.as_u64().unwrap() <= 60, "{stops}");
+    browser.evaluate(&format!("document.querySelector('{shown} [data-look=perspective]').focus()"));
+    browser.key("ArrowRight", 39);
+    assert_eq!(browser.evaluate("document.activeElement.dataset.look"), json!("top"));
+
+    // The ribbon names the phases, and a click on it selects a time.
+    let ribbon = format!("document.querySelector('{shown} .ribbon')");
+    assert_eq!(
+        browser.evaluate(&format!("{ribbon}.ariaLabel")),
+        json!("preroll 0.0 to 1.0 s; run 1.0 to 9.0 s; decay 9.0 to 10.0 s")
+    );
+    assert_eq!(browser.evaluate(&format!("{ribbon}.querySelectorAll('.phases div').length")), json!(3));
+    browser.click(&format!("{shown} [data-ribbon]"));
+    assert!((browser.number(&format!("{shown} [data-out^=time]")).unwrap() - 5.0).abs() < 0.05);
+    // A robot without a tank has no view of it.
+    assert_eq!(browser.evaluate("document.querySelector('[data-look=tank]')"), json!(null));
+
+    // The view is filmed up to the end of the trial.
+    scrub(&mut browser, 7.0);
+    let film = browser.evaluate(&FILM.replace("SECTION", shown));
+    assert_eq!((&film["type"], &film["head"]), (&json!("video/webm"), &json!([0x1a, 0x45, 0xdf, 0xa3])), "{film}");
+    assert!(film["size"].as_u64().unwrap() > 5_000, "{film}");
+    assert!(film["name"].as_str().unwrap().ends_with("film.webm"), "{film}");
+    assert_eq!(browser.number(&format!("{shown} [data-out^=time]")), Some(10.0));
 
     // Every figure can be saved; a table has the numbers of its chart.
     let files = browser.evaluate(SAVE_ALL);

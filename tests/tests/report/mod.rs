@@ -234,6 +234,16 @@ fn session_page_shows_its_map_and_opens_its_trials() {
     assert_eq!(browser.evaluate("document.querySelectorAll('table.trials tbody tr').length"), json!(28));
     assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg').length"), json!(4));
     assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg a').length"), json!(112));
+    // The robot with the largest yaw moves at the head of the page.
+    let largest = "[...document.querySelectorAll('table.trials tbody tr')].reduce((a, b) => { const yaw = (row) => \
+         Math.abs(row.cells[3].dataset.key); return yaw(b) > yaw(a) ? b : a; }).dataset.trial";
+    let largest = browser.evaluate(largest).as_str().unwrap().to_owned();
+    assert_eq!(browser.evaluate("document.querySelector('.hero a').hash"), json!(format!("#{largest}")));
+    let hero = "document.querySelector('.hero canvas').toDataURL()";
+    let still = browser.evaluate(hero);
+    browser.click(".hero .play");
+    wait_until("it moves", || browser.evaluate(hero) != still);
+    browser.click(".hero .play");
     browser.picture(&picture("session-light.png"));
 
     // A cell of the map is a link to its trial.

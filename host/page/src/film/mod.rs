@@ -66,7 +66,7 @@ pub enum FilmError {
     #[error("{}: a film is written as .gif", path.display())]
     #[diagnostic(
         code(wrong_use),
-        help("end the file's name with .gif; `ffmpeg -i film.gif film.webm` makes a smaller film of it")
+        help("end the file's name with .gif; the page of `biflag report` films its view as WebM in the browser")
     )]
     Format {
         /// The file.

@@ -4,6 +4,7 @@
 //! range and the mean over intervals of equal length.
 
 use super::budget::{ByteBudget, MAX_EVENTS};
+use super::ribbon;
 use super::shapes;
 use super::table::{Column, fitted, single, times};
 use super::text::clip;
@@ -121,6 +122,7 @@ impl Curves {
         let motors = Columns { time_s: data.motors.time_s.clone(), values: [target1, speed1, target2, speed2] };
         let motors = fitted(&motors.broken_at_gaps(), &MOTORS, budget.series() / 100 * 20);
 
+        let bundling = bundling(forces_of, shift_s(forces_of));
         let mut page = json!({
             "end_s": data.duration_s,
             "phases": phases(data),
@@ -128,7 +130,8 @@ impl Curves {
             "attitude": attitude.page(&ATTITUDE),
             "motors": motors.page(&MOTORS),
             "forces": forces.as_ref().map(|forces| forces.page(&FORCES)),
-            "bundling": bundling(forces_of, shift_s(forces_of)),
+            "named": ribbon::named(data, &bundling),
+            "bundling": bundling,
             "link": if data.is_recorded() { link(&data.link_seconds) } else { Value::Null },
         });
         let rest =
@@ -267,7 +270,7 @@ fn bundling(data: &Data, shift_s: f64) -> Vec<(f64, Bundling)> {
 }
 
 /// Returns an event's mark in the charts: its time, its kind and its first words. Only problems and notes are marked.
-fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
+pub(super) fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
     let kind = match event.kind {
         Kind::Fault => "fault",
         Kind::Warning => "warning",

@@ -9,24 +9,29 @@ pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"))
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
 /// What draws a trial: charts and the robot.
-const DRAWING: [&str; 10] = [
+const DRAWING: [&str; 12] = [
     include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
     include_str!("assets/data.js"),
     include_str!("assets/charts.js"),
     include_str!("assets/chart.js"),
+    include_str!("assets/ribbon.js"),
     include_str!("assets/gl.js"),
     include_str!("assets/mesh.js"),
     include_str!("assets/tank.js"),
     include_str!("assets/robot.js"),
+    include_str!("assets/hand.js"),
     include_str!("assets/scene.js"),
 ];
 
 /// What is only on pages of what is over.
-const REPORT: [&str; 6] = [
+const REPORT: [&str; 9] = [
     include_str!("assets/address.js"),
     include_str!("assets/save.js"),
+    include_str!("assets/film.js"),
+    include_str!("assets/rove.js"),
     include_str!("assets/player.js"),
+    include_str!("assets/trial.js"),
     include_str!("assets/swept.js"),
     include_str!("assets/sweep.js"),
     include_str!("assets/page.js"),

@@ -5,10 +5,13 @@
 use super::curves;
 use super::document;
 use super::heat_map::{self, Map, Point};
+use super::ribbon;
+use super::stage::looks;
 use super::text::{clip, count, json_for_script};
-use super::trial_section::{Entry, LOOKS, chart, speed_entries};
+use super::trial_section::{Entry, chart, speed_entries};
 use maud::{Markup, PreEscaped, html};
 use serde_json::json;
+use sim::params::Robot;
 use study::attitude::Columns;
 use study::plan::Plan;
 use study::text::printable;
@@ -16,7 +19,8 @@ use study::trial::{AtSpeeds, Shapes, mean_of_repeats};
 
 /// Returns the page of a session of so many trials.
 pub fn live_page(plan: &Plan, trials: usize) -> String {
-    let robot = plan.robot.parse().unwrap_or_default();
+    let robot: Robot = plan.robot.parse().unwrap_or_default();
+    let has_tank = robot.tank.is_some();
     let robot = curves::drawn(&robot, 0.0, &Columns::default(), &Shapes::new(1), 0);
     let data = json!({ "robots": [robot], "own": "measured", "phases": [], "marks": [] });
     let name = clip(&plan.name, 200);
@@ -30,9 +34,10 @@ pub fn live_page(plan: &Plan, trials: usize) -> String {
                 h1 { "Waiting for the board" }
                 p.meta { span { "session " (name) } span { (count(trials, "trial", "trials")) } span { "robot " (clip(&plan.robot.name, 200)) } }
                 div.bench {
-                    div.stage { (scene()) (readout()) }
+                    div.stage { (scene(has_tank)) (readout()) }
                     div.charts {
                         h2.unseen { "Over time" }
+                        (ribbon::figure(&data))
                         @for (name, title) in [("yaw", "Yaw ψ from the start of the run, °"), ("pitch", "Pitch θ, °"), ("roll", "Roll φ, °")] {
                             (chart(&[name], title, &[Entry::new("c-measured", "measured", "own")]))
                         }
@@ -58,15 +63,17 @@ pub fn live_page(plan: &Plan, trials: usize) -> String {
     printable(&document::live(&format!("Recording {name}"), &body, &data).0)
 }
 
-fn scene() -> Markup {
+fn scene(has_tank: bool) -> Markup {
     html! {
         figure.scene {
             canvas.view3d tabindex="0" role="img"
                 aria-label="The robot now: base, motors and both flagella. Arrow keys rotate the view, plus and minus zoom, Home resets it." {}
             div.tools role="group" aria-label="View" {
-                @for (look, name) in LOOKS { button type="button" data-look=(look) { (name) } }
-                button.view-in type="button" aria-label="Zoom in" { "+" }
-                button.view-out type="button" aria-label="Zoom out" { "−" }
+                (looks(has_tank))
+                span.pair {
+                    button.view-in type="button" aria-label="Zoom in" { "+" }
+                    button.view-out type="button" aria-label="Zoom out" { "−" }
+                }
             }
             figcaption { "The measured attitude, from the start of the run on without the tilt at rest. The flagella are drawn as rigid helices that turn with their shafts." }
         }
@@ -117,6 +124,7 @@ pub fn live_maps(trials: &[([f64; 2], Option<[f64; 3]>)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use study::plan::RobotFile;
 
     #[test]
     fn the_page_may_ask_its_own_program_only_and_escapes_the_plan() {
@@ -125,6 +133,11 @@ mod tests {
         let page = live_page(&plan, 3);
         assert!(page.contains("connect-src 'self'; base-uri 'none'") && page.contains("new biflag.LiveTrial"));
         assert!(!page.contains("<script>alert") && page.contains("&lt;script&gt;alert") && page.contains("3 trials"));
+        // Only a robot in a tank has a view of it.
+        let text = include_str!("../../../plans/robot-tank.toml").to_owned();
+        let in_tank = Plan { robot: RobotFile { name: "robot-tank.toml".to_owned(), text }, ..plan };
+        let has_view = |page: &str| page.contains(r#"data-look="tank""#);
+        assert!(!has_view(&page) && has_view(&live_page(&in_tank, 3)) && page.contains(r#"data-look="top""#));
         // The scene needs both helices at rest.
         assert!(page.contains(r#""rigid":true"#) && page.contains(r#""nodes":50"#));
     }

@@ -2,6 +2,7 @@
 
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
+use super::hero;
 use super::repeats;
 use super::rows::{Row, RowState, anchor, verdict};
 use super::small_multiples;
@@ -59,7 +60,20 @@ impl Session<'_> {
             @if let Some(comparison) = comparison {
                 (answer(&comparison.verdict, comparison.agrees()))
             }
-            @if !self.opens_first() { (self.results()) }
+            @if !self.opens_first() {
+                // The map of the yaw is beside the robot. Two maps, of both sides of a comparison, stay together below.
+                @let mut maps = maps(rows);
+                @let beside = if comparison.is_none() && !maps.is_empty() { Some(maps.remove(0)) } else { None };
+                h2.unseen { "The session" }
+                div.front {
+                    (hero::figure(rows))
+                    div {
+                        (self.summary())
+                        @if let Some(map) = beside { div.maps { (map) } }
+                    }
+                }
+                (self.distribution(&maps))
+            }
             h2 #trials { "Trials" }
             (small_multiples::section(rows, comparison))
             (table(rows, comparison, has_charts))
@@ -69,19 +83,29 @@ impl Session<'_> {
     /// Returns what is below the open trial: the results of a session of few trials, and files and parameters.
     pub fn rest(&self) -> Markup {
         html! {
-            @if self.opens_first() { h2 { "The session" } (self.results()) }
+            @if self.opens_first() { h2 { "The session" } (self.summary()) (self.distribution(&maps(self.rows))) }
             @if let Some(view) = self.views().first() { (files(view)) }
         }
     }
 
-    fn results(&self) -> Markup {
-        let views = self.views();
+    /// Returns the session in a few numbers, its problems, and remarks.
+    fn summary(&self) -> Markup {
         let (problems, remarks) = notes(self.rows, self.comparison, self.has_charts);
         html! {
-            (tiles(&views, self.rows.len(), self.comparison))
+            (tiles(&self.views(), self.rows.len(), self.comparison))
             (warnings(problems.iter().map(String::as_str)))
             (notices(remarks.iter().map(String::as_str)))
-            (maps(self.rows))
+        }
+    }
+
+    /// Returns these maps over the speeds, and the scatter of repeats.
+    fn distribution(&self, maps: &[Markup]) -> Markup {
+        let views = self.views();
+        html! {
+            @if !maps.is_empty() {
+                h2 { "Steady attitude over both speeds" }
+                div.maps { @for map in maps { (map) } }
+            }
             (repeats::section(&scatter_of_repeats(views.iter().filter_map(|view| view.repeat.as_ref()))))
         }
     }
@@ -137,7 +161,8 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
 const MAPS: [(usize, &str, &str); 4] =
     [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (3, "Steady tilt", "β")];
 
-fn maps(rows: &[Row]) -> Markup {
+/// Returns the maps of a session, measured and modelled; none if its speeds make no map.
+fn maps(rows: &[Row]) -> Vec<Markup> {
     let means = [false, true].map(|modelled| {
         let trial = |(i, row): (usize, &Row)| {
             let view = row.view().filter(|view| view.is_complete)?;
@@ -159,7 +184,7 @@ fn maps(rows: &[Row]) -> Markup {
         means.map(point).collect()
     };
     if !heat_map::is_map(&points(0, false)) {
-        return html! {};
+        return Vec::new();
     }
     let views = || rows.iter().filter_map(Row::view);
     let own = views().next().map_or("measured", View::own_name);
@@ -168,27 +193,25 @@ fn maps(rows: &[Row]) -> Markup {
         true => " Repeated trials: the magnitude of their mean.",
         false => "",
     };
-    html! {
-        h2 { "Steady attitude over both speeds" }
-        div.maps {
-            @for (angle, name, symbol) in MAPS {
-                @let [own_points, model_points] = [points(angle, false), points(angle, true)];
-                // The maps of an angle share their colour scale.
-                @let scale_deg = heat_map::largest(&own_points).max(heat_map::largest(&model_points));
-                @for (points, whose) in [(&own_points, own), (&model_points, other)] {
-                    @if !points.is_empty() {
-                        @let title = format!("{name} {symbol}, {whose}");
-                        @let map = Map { title: &title, symbol, points, scale_deg };
-                        figure {
-                            div.head { h3 { (title) } }
-                            (map.svg())
-                            figcaption { (map.caption()) (of_repeats) }
-                        }
-                    }
+    let map = |(angle, name, symbol): (usize, &str, &str)| {
+        let both = [points(angle, false), points(angle, true)];
+        // The maps of an angle share their colour scale.
+        let scale_deg = both.iter().map(|points| heat_map::largest(points)).fold(0.0, f64::max);
+        let there = both.into_iter().zip([own, other]).filter(|(points, _)| !points.is_empty());
+        let drawn = there.map(|(points, whose)| {
+            let title = format!("{name} {symbol}, {whose}");
+            let map = Map { title: &title, symbol, points: &points, scale_deg };
+            html! {
+                figure {
+                    div.head { h3 { (title) } }
+                    (map.svg())
+                    figcaption { (map.caption()) (of_repeats) }
                 }
             }
-        }
-    }
+        });
+        drawn.collect::<Vec<Markup>>()
+    };
+    MAPS.into_iter().flat_map(map).collect()
 }
 
 /// A number in the table, with the key that it is sorted by.

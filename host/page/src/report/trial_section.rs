@@ -2,6 +2,8 @@
 
 use super::errors;
 use super::facts::facts;
+use super::ribbon;
+use super::stage::stage;
 use super::text::{clip, count, degrees, number, speeds};
 use super::view::{Steady, View};
 use biflag_log::schema::biflag::event::Kind;
@@ -39,7 +41,7 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
             (warnings(texts(true)))
             @if has_data {
                 div.bench {
-                    div.stage { (scene(view)) (player(view)) (readout(view)) }
+                    (stage(view))
                     div.charts {
                         // Below the title of a page, the charts are a part of their own.
                         @if !shared { h2.unseen { "Over time" } }
@@ -133,7 +135,7 @@ fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
 /// The verdict of a comparison as a sentence; empty without a verdict.
 pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
     html! {
-        @if !verdict.is_empty() { p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{verdict}."), 1_000)) } }
+        @if !verdict.is_empty() { p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{verdict}.").replace(" -", " −"), 1_000)) } }
     }
 }
 
@@ -175,105 +177,6 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     }
 }
 
-/// Where the robot can be seen from, and what the buttons are called.
-pub(super) const LOOKS: [(&str, &str); 4] =
-    [("perspective", "3-D"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
-
-fn scene(view: &View) -> Markup {
-    let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
-    let compared = view.comparison.is_some();
-    let robots = match (compared, view.is_model()) {
-        (true, false) => "Solid: the measured attitude; ghost: the attitude of the model. ",
-        (true, true) => "Solid: the attitude of this log; ghost: that of the other one. ",
-        (false, _) => "",
-    };
-    let forces = if view.borrowed_forces { "the model’s forces" } else { "the forces" };
-    html! {
-        figure.scene {
-            canvas.view3d tabindex="0" role="img"
-                aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
-            div.tools role="group" aria-label="View" {
-                @for (look, name) in LOOKS { button type="button" data-look=(look) { (name) } }
-                @if let Some(other) = view.other_name() { button type="button" aria-pressed="true" data-show="ghost" { (study::text::capitalised(other)) } }
-                @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
-                button type="button" aria-pressed="true" data-show="trails" { "Trails" }
-                button type="button" aria-pressed="false" data-camera="follow" { "Follow" }
-                button type="button" aria-pressed="false" data-camera="fly" { "Fly-by" }
-                button.view-in type="button" aria-label="Zoom in" { "+" }
-                button.view-out type="button" aria-label="Zoom out" { "−" }
-            }
-            figcaption {
-                (robots)
-                @if view.curves.shapes_per_s > 0.0 {
-                    "Shapes of the flagella from " (whose) ", " (number(view.curves.shapes_per_s, 1)) " per second, interpolated in the frame of the shaft. "
-                } @else {
-                    "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
-                }
-                @if view.curves.has_forces { "Arrows: " (forces) " of the flagella on the base. " }
-                @if view.curves.has_forces && view.curves.shapes_per_s > 0.0 { "Yellow light: the flagella touch. " }
-                "Lines behind the tips: their last two seconds. "
-                (if view.curves.has_tank { "The box is the tank of the robot file. " } else { "The robot file has no tank: the box only shows up and down. " })
-                "The pointers on the ring show the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
-            }
-        }
-    }
-}
-
-fn player(view: &View) -> Markup {
-    html! {
-        div.player {
-            button.play type="button" aria-label="Play" {}
-            input.scrub type="range" min="0" max=(view.duration_s) step="0.01" value="0" aria-label="Time";
-            select.rate aria-label="Playback speed" {
-                @for rate in ["0.25", "1", "2", "5", "10"] { option value=(rate) selected[rate == "1"] { (rate) "×" } }
-            }
-        }
-    }
-}
-
-fn readout(view: &View) -> Markup {
-    let own = view.own_name();
-    let out = |what: &str| html! { td data-out=(what) { "–" } };
-    html! {
-        table.readout {
-            thead { tr {
-                th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} }
-                th scope="col" { (own) }
-                @if let Some(other) = view.other_name() { th scope="col" { (other) } }
-                @if view.has_truth { th scope="col" { "truth" } }
-            } }
-            tbody {
-                @for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {
-                    tr {
-                        th scope="row" { (name) }
-                        (out(&format!("attitude {column} 2")))
-                        @if view.comparison.is_some() { (out(&format!("attitude model_{column} 2"))) }
-                        @if view.has_truth { (out(&format!("attitude true_{column} 2"))) }
-                    }
-                }
-                @for i in 1..=2 {
-                    tr {
-                        th scope="row" { span class={ "key c-flagellum" (i) } {} "Flagellum " (i) ", rpm" }
-                        (out(&format!("motors speed{i} 1")))
-                        @if view.comparison.is_some() { td {} }
-                        @if view.has_truth { td {} }
-                    }
-                }
-                @if view.curves.has_forces {
-                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Smallest gap, mm", "gap")] {
-                        tr {
-                            th scope="row" { (name) }
-                            @let (own, model) = (out(&format!("forces {column} 2")), html! { td {} });
-                            @if view.borrowed_forces { (model) (own) } @else { (own) @if view.comparison.is_some() { (model) } }
-                            @if view.has_truth { td {} }
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
 /// An entry of a legend: the classes of its key, its text, and the curve that it shows and hides.
 pub(super) struct Entry(&'static str, String, &'static str);
 
@@ -294,6 +197,7 @@ fn charts(view: &View) -> Markup {
             button.zoom-out type="button" aria-label="Zoom out" { "−" }
             button.zoom-all type="button" { "Whole trial" }
         }
+        (ribbon::figure(&view.data))
         @for (name, error, title) in [
             ("yaw", "error_yaw", "Yaw ψ from the start of the run, °"),
             ("pitch", "error_pitch", "Pitch θ, °"),
@@ -315,7 +219,8 @@ fn charts(view: &View) -> Markup {
             }
             span.screen {
                 " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. \
-                 Click an entry of a legend to hide its curve. The address of the page stores the view."
+                 Click an entry of a legend to hide its curve. Tab goes from one group of buttons to the next, arrow \
+                 keys go on within a group. The address of the page stores the view."
             }
         }
     }
@@ -354,9 +259,7 @@ pub(super) fn speed_entries() -> [Entry; 4] {
 
 fn force_charts(view: &View) -> Markup {
     let of_model = if view.borrowed_forces { ", model" } else { "" };
-    let ribbon =
-        || [("block c-contact", "in contact"), ("block c-model", "ribbon: touching"), ("block c-bundled", "bundled")];
-    let contact = || ribbon().map(|(look, text)| Entry::new(look, text, ""));
+    let contact = || [Entry::new("block c-contact", "in contact", "")];
     let range = || Entry::range(view.curves.forces_range_s);
     let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain(contact()).chain(range()).collect() };
     let forces =

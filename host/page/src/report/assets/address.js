@@ -26,7 +26,7 @@ biflag.Address = class {
       if (trial.scene.camera !== "still") parts.camera = trial.scene.camera;
       const same = (other) => Object.entries(other).every(([key, value]) => view[key] === value);
       const named = Object.entries(biflag.Scene.VIEWS).find(([, other]) => same(other));
-      parts.look = named?.[0] ?? short([view.azimuth, view.elevation, view.zoom]) + (view.flat ? ",flat" : "");
+      parts.look = named?.[0] ?? [short([view.azimuth, view.elevation, view.zoom]), ...["flat", "whole"].filter((flag) => view[flag])].join(",");
       const address = [trial.id, ...Object.entries(parts).map(([key, value]) => `${key}=${value}`)].join("&");
       try {
         history.replaceState(null, "", "#" + address);
@@ -49,8 +49,9 @@ biflag.Address = class {
     if (["follow", "fly"].includes(parts.camera)) trial.scene.camera = parts.camera;
     const named = biflag.Scene.VIEWS[parts.look];
     if (named) trial.scene.view = { ...named };
-    const [azimuth, elevation, zoom] = numbers(parts.look?.replace(",flat", ""));
-    if (zoom >= 0.5 && zoom <= 6) trial.scene.view = { azimuth, elevation, zoom, flat: parts.look.endsWith(",flat") };
+    const [azimuth, elevation, zoom] = numbers(parts.look);
+    const has = (flag) => parts.look.split(",").includes(flag);
+    if (zoom >= 0.5 && zoom <= 6) trial.scene.view = { azimuth, elevation, zoom, flat: has("flat"), whole: has("whole") };
     trial.pressed();
     if (trial.hidden.size) for (const chart of trial.charts) chart.build();
     const range = numbers(parts.range);

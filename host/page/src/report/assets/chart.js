@@ -1,4 +1,4 @@
-// The charts of a trial: lines and ranges over time by uPlot, with the phases shaded, the events marked, and a needle at the
+// The charts of a trial: lines and ranges over time by uPlot, with the run shaded, the events marked, and a needle at the
 // selected time.
 "use strict";
 
@@ -58,13 +58,13 @@ biflag.Chart = class {
       width: this.width(),
       height: this.height(),
       legend: { show: false },
-      padding: [this.isStrip ? 6 : 20, 22, 0, 0],
+      padding: [this.isStrip ? 6 : 10, 22, 0, 0],
       bands,
       series,
       scales: { x: { time: false }, y: { range: (_, low, high) => this.span(low, high) } },
       axes: [
-        { ...axis, values: (_, values) => values.map((v) => v + " s"), space: 60, size: 30 },
-        { ...axis, values: sign, size: 52, space: this.isStrip ? 20 : 34 },
+        { ...axis, values: (_, values) => values.map((v) => v + " s"), space: 60, size: this.isOnPaper ? 20 : 30 },
+        { ...axis, values: sign, size: 52, space: this.isOnPaper ? 14 : this.isStrip ? 20 : 34 },
       ],
       cursor: {
         y: false,
@@ -105,7 +105,7 @@ biflag.Chart = class {
     this.zoom(null);
   }
 
-  /** A low chart below another one repeats neither the phases nor the marks. */
+  /** A low chart below another one does not repeat the marks. */
   get isStrip() {
     return this.spec.strip || this.spec.error;
   }
@@ -177,9 +177,13 @@ biflag.Chart = class {
     return this.spec.table === "link" ? [0, Math.max(1, high * 1.1)] : [low - missing - room, high + missing + room];
   }
 
-  /** Charts are lower on paper. */
+  get isOnPaper() {
+    return document.documentElement.classList.contains("paper");
+  }
+
+  /** On paper, a trial has a page. */
   height() {
-    return Math.round(this.spec.height * (document.documentElement.classList.contains("paper") ? 0.8 : 1));
+    return Math.round(this.spec.height * (this.isOnPaper ? 0.48 : 1));
   }
 
   width() {
@@ -226,40 +230,17 @@ biflag.Chart = class {
     const { ctx, bbox } = u;
     const x = (t) => Math.min(Math.max(u.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width);
     ctx.save();
-    ctx.font = `${11 * devicePixelRatio}px ${biflag.colour("font")}`;
-    ctx.textBaseline = "top";
+    ctx.fillStyle = biflag.colour("run");
     for (const [name, from, to] of this.trial.data.phases) {
-      const [left, right] = [x(from), x(to)];
-      if (right <= left) continue;
-      if (name === "run") {
-        ctx.fillStyle = biflag.colour("run");
-        ctx.fillRect(left, bbox.top, right - left, bbox.height);
-      }
-      if (!this.isStrip && right - left > ctx.measureText(name).width + 4 * devicePixelRatio) {
-        ctx.fillStyle = biflag.colour("soft");
-        ctx.fillText(name, left, bbox.top - 16 * devicePixelRatio);
-      }
+      if (name === "run") ctx.fillRect(x(from), bbox.top, Math.max(x(to) - x(from), 0), bbox.height);
     }
     if (this.spec.contact) this.contact(u, x);
     ctx.restore();
   }
 
-  /** Stretches in which the flagella touch or are bundled, with their colours. */
-  ribbon() {
-    const colours = { touching: "model", bundled: "bad" };
-    const { bundling } = this.trial.data;
-    const stretches = (this.spec.contact && bundling) || [];
-    return stretches.map(([from, state], i) => ({ from, to: stretches[i + 1]?.[0] ?? this.trial.end, colour: colours[state] })).filter(({ colour }) => colour);
-  }
-
   marks(u) {
     const { ctx, bbox } = u;
     ctx.save();
-    const place = (t) => Math.min(Math.max(u.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width);
-    for (const { from, to, colour } of this.ribbon()) {
-      ctx.fillStyle = biflag.colour(colour);
-      ctx.fillRect(place(from), bbox.top - 3 * devicePixelRatio, place(to) - place(from), 3 * devicePixelRatio);
-    }
     ctx.font = `${12 * devicePixelRatio}px ${biflag.colour("font")}`;
     ctx.textAlign = "center";
     for (const [time, kind] of this.trial.data.marks) {
@@ -300,7 +281,6 @@ biflag.Chart = class {
         parts.push(`<path d="${line}" stroke="${biflag.colour("grid")}"/><text ${words}>${label ?? ""}</text>`);
       });
     }
-    for (const { from, to, colour } of this.ribbon()) parts.push(`<rect x="${clip(from).toFixed(1)}" y="${top - 3}" width="${(clip(to) - clip(from)).toFixed(1)}" height="3" fill="${biflag.colour(colour)}"/>`);
     const id = `clip-${this.trial.id}-${this.name}`;
     parts.push(`<clipPath id="${id}"><rect x="${left}" y="${top}" width="${width}" height="${height}"/></clipPath><g clip-path="url(#${id})" fill="none">`);
     const path = (values) => {

@@ -3,7 +3,13 @@
 
 const biflag = {};
 
-biflag.bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+biflag.bytes = (text) => {
+  const letters = atob(text);
+  const bytes = new Uint8Array(letters.length);
+  // A loop, because a function for each letter takes a tenth of a second more to open a page.
+  for (let i = 0; i < letters.length; i++) bytes[i] = letters.charCodeAt(i);
+  return bytes.buffer;
+};
 
 /** Numbers in 16 or 32 bits, or evenly spaced ones; `null` for a missing value. */
 biflag.numbers = (packed) => {

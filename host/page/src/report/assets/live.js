@@ -18,12 +18,13 @@ biflag.LiveTrial = class {
     this.scene = new biflag.Scene(section.querySelector(".scene canvas"), this);
     this.scene.robots[0].turns = this.turns;
     this.charts = [...section.querySelectorAll("[data-chart]")].map((place) => new biflag.Chart(place, place.dataset.chart, this));
+    this.ribbon = new biflag.Ribbon(section.querySelector("[data-ribbon]"), this);
     this.outputs = [...section.querySelectorAll("[data-out]")];
     for (const button of section.querySelectorAll("[data-look]")) button.addEventListener("click", () => this.scene.look(button.dataset.look));
     section.querySelector(".view-in").addEventListener("click", () => this.scene.zoom(1.2));
     section.querySelector(".view-out").addEventListener("click", () => this.scene.zoom(1 / 1.2));
     for (const button of section.querySelectorAll("[data-curve]")) button.addEventListener("click", () => this.toggleCurve(button));
-    new ResizeObserver(() => this.charts.forEach((chart) => chart.resize())).observe(section.querySelector(".charts"));
+    new ResizeObserver(() => this.resize()).observe(section.querySelector(".charts"));
     requestAnimationFrame(() => this.step());
   }
 
@@ -54,7 +55,9 @@ biflag.LiveTrial = class {
     this.end = Math.max(trial.planned_s, last, 1);
     this.data.phases = trial.phases.map(([name, begins], i) => [name, begins, trial.phases[i + 1]?.[1] ?? last]).filter(([name]) => name !== "end");
     this.data.marks = trial.marks;
-    if (rows.length) this.charts.forEach((chart) => chart.grow());
+    if (!rows.length) return;
+    this.charts.forEach((chart) => chart.grow());
+    this.ribbon.build();
   }
 
   /** Moves the robot on with the clock, up to the last row. */
@@ -71,7 +74,7 @@ biflag.LiveTrial = class {
 
   show() {
     this.scene.draw(this.time);
-    for (const chart of this.charts) chart.point(this.time);
+    for (const chart of [this.ribbon, ...this.charts]) chart.point(this.time);
     biflag.readOut(this, this.time, 1);
   }
 
@@ -80,6 +83,11 @@ biflag.LiveTrial = class {
     if (!this.hidden.delete(key)) this.hidden.add(key);
     button.setAttribute("aria-pressed", !this.hidden.has(key));
     for (const chart of this.charts) chart.build();
+  }
+
+  resize() {
+    for (const chart of this.charts) chart.resize();
+    this.ribbon.build();
   }
 
   /** What the scene and the charts of a recorded trial also ask for. */

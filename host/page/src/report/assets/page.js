@@ -11,8 +11,12 @@
   const sections = [...document.querySelectorAll("section.trial[data-data]")];
   const isSession = document.body.classList.contains("session");
 
+  const picture = document.querySelector("figure.hero");
+  const hero = picture && new biflag.Player(picture);
+
   const open = (section) => {
     if (!section) return;
+    if (hero?.playing) hero.toggle();
     for (const other of sections) other.hidden = isSession && other !== section;
     for (const [other, trial] of trials) if (other !== section && trial.playing) trial.toggle();
     if (trials.has(section)) trials.get(section).resize();
@@ -42,7 +46,8 @@
     open(sections[0]);
   }
 
-  const repaint = () => trials.forEach((trial) => trial.repaint());
+  const repaint = () => [...trials.values(), hero].forEach((player) => player?.repaint());
+  if (hero) new ResizeObserver(() => hero.repaint()).observe(picture);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   const printsAll = document.body.classList.contains("print-all");
   /** What to restore after printing: hidden sections. */
@@ -52,7 +57,7 @@
     restore.forEach((undo) => undo());
     restore = [];
     if (on) {
-      for (const trial of trials.values()) if (trial.playing) trial.toggle();
+      for (const player of [...trials.values(), hero]) if (player?.playing) player.toggle();
       for (const section of printsAll ? sections.filter((section) => section.hidden) : []) {
         section.hidden = false;
         restore.push(() => (section.hidden = true));
@@ -65,6 +70,7 @@
   addEventListener("afterprint", () => paper(false));
 
   for (const maps of document.querySelectorAll(".maps")) biflag.addSaveButtons(maps);
+  for (const part of document.querySelectorAll("body > header, body > aside")) biflag.roveIn(part);
 
   for (const button of document.querySelectorAll("th button")) {
     button.addEventListener("click", () => {
@@ -79,7 +85,7 @@
     });
   }
   // The robot moves, unless the address names a moment or the reader wants no motion.
-  const shown = trials.get(sections.find((section) => !section.hidden));
+  const shown = trials.get(sections.find((section) => !section.hidden)) ?? hero;
   if (shown && !location.hash && !matchMedia("(prefers-reduced-motion: reduce)").matches) shown.begin();
   document.documentElement.dataset.ready = "yes";
 }

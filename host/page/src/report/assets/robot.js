@@ -2,6 +2,9 @@
 // shaft, a flagellum changes slowly: the page stores few shapes in that frame and turns them with the shaft.
 "use strict";
 
+/** So many shapes in a turn of the shaft show the path of a tip. */
+const SHAPES_A_TURN = 6;
+
 biflag.Robot = class {
   constructor({ shift_s, turns, shapes, body, tank }) {
     this.shift = shift_s;
@@ -26,6 +29,18 @@ biflag.Robot = class {
   /** The tip of flagellum `k` at a time of the page. */
   tip(k, time) {
     return this.node(k, time)(this.shapes.nodes - 1);
+  }
+
+  /**
+   * Times of the points of a trail. Between two shapes, a tip that its shaft does not carry along, as in a bundle, is not where
+   * the frame of the shaft has it: if the log has enough shapes in a turn, the points are at these, otherwise evenly spaced.
+   */
+  trailTimes(from, to, points) {
+    const { shapes, turns } = this;
+    const span = (column) => Math.abs((biflag.at(turns.time, column, to - this.shift) ?? 0) - (biflag.at(turns.time, column, from - this.shift) ?? 0));
+    const at = shapes.time.map((t) => t + this.shift).filter((t) => t > from && t < to);
+    if (!shapes.rigid && at.length >= SHAPES_A_TURN * Math.max(span(turns.one), span(turns.two))) return [from, ...at, to];
+    return Array.from({ length: points }, (_, i) => from + ((to - from) * i) / (points - 1));
   }
 
   /** A function that returns a node of flagellum `k` at a time of the page. */

@@ -3,7 +3,7 @@
 
 /** Gives each figure of an element its buttons. */
 biflag.addSaveButtons = (element, trial) => {
-  for (const figure of element.querySelectorAll("figure")) {
+  for (const figure of element.querySelectorAll("figure:not(.ribbon)")) {
     const [isView, title] = [figure.matches(".scene"), figure.querySelector("h3")];
     const group = Object.assign(document.createElement("span"), { className: "save", role: "group", ariaLabel: "Save" });
     for (const format of isView ? ["png"] : ["svg", "png", "csv"]) {
@@ -22,7 +22,7 @@ biflag.addSaveButtons = (element, trial) => {
 biflag.save = async (button, trial) => {
   const figure = button.closest("figure");
   const format = button.dataset.save;
-  const name = `${document.title} ${figure.querySelector("h3")?.textContent ?? "view"}`.replace(/[^\w+−-]+/g, "_").replace(/^_|_$/g, "");
+  const name = biflag.fileName(figure.querySelector("h3")?.textContent ?? "view");
   const charts = trial?.charts.filter((chart) => figure.contains(chart.element)) ?? [];
   const canvas = figure.querySelector(".view3d");
   const map = figure.querySelector("svg");
@@ -33,7 +33,14 @@ biflag.save = async (button, trial) => {
     const svg = map ? biflag.svgOfMap(map) : biflag.svgOfCharts(figure, charts);
     file = format === "svg" ? new Blob([svg], { type: "image/svg+xml" }) : await biflag.png(svg);
   }
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(file), download: `${name}.${format}` });
+  biflag.download(file, `${name}.${format}`);
+};
+
+/** The name of a file that shows a part of the page, without its ending. */
+biflag.fileName = (part) => `${document.title} ${part}`.replace(/[^\w+−-]+/g, "_").replace(/^_|_$/g, "");
+
+biflag.download = (file, name) => {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(file), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 };

@@ -13,12 +13,13 @@ const TRAIL_POINTS = 72;
 const FLY = { azimuth: 0.6, azimuth_s: 24, elevation: 0.14, elevation_s: 37 };
 
 biflag.Scene = class {
-  /** Where the robot is seen from; flat views, along an axis, have no perspective. */
+  /** Where the robot is seen from. Flat views, along an axis, have no perspective; `whole`: the tank fills the view. */
   static VIEWS = {
-    perspective: { azimuth: -0.62, elevation: 0.52, zoom: 1, flat: false },
-    top: { azimuth: 0, elevation: Math.PI / 2, zoom: 1, flat: true },
-    front: { azimuth: 0, elevation: 0, zoom: 1, flat: true },
-    side: { azimuth: Math.PI / 2, elevation: 0, zoom: 1, flat: true },
+    perspective: { azimuth: -0.62, elevation: 0.52, zoom: 1, flat: false, whole: false },
+    tank: { azimuth: -0.95, elevation: 0.4, zoom: 1, flat: false, whole: true },
+    top: { azimuth: 0, elevation: Math.PI / 2, zoom: 1, flat: true, whole: false },
+    front: { azimuth: 0, elevation: 0, zoom: 1, flat: true, whole: false },
+    side: { azimuth: Math.PI / 2, elevation: 0, zoom: 1, flat: true, whole: false },
   };
 
   constructor(canvas, trial) {
@@ -30,9 +31,11 @@ biflag.Scene = class {
     /** What moves the camera: nothing (`still`), the robot's yaw (`follow`), or the time that it has flown (`fly`). */
     this.camera = "still";
     this.flown_s = 0;
+    /** Pixels of the canvas for one of the page, while a film needs the same size all the time. */
+    this.ratio = null;
     this.strongest = this.largestForce();
     this.paint();
-    this.listen();
+    biflag.takeHand(this);
   }
 
   get hasGhost() {
@@ -79,14 +82,15 @@ biflag.Scene = class {
 
   /** The camera: a projection onto the canvas for lines, and the same as a matrix for solids. */
   lens(width, height, yaw) {
-    const reach = this.robots[0].reach;
-    const { zoom, flat } = this.view;
+    const [robot] = this.robots;
+    const { zoom, flat, whole } = this.view;
     const [azimuth, elevation] = this.place(yaw);
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
     const [right, away, up] = [[ca, sa, 0], [-sa * ce, ca * ce, -se], [-sa * se, ca * se, ce]];
-    const tall = reach * (1.5 * Math.abs(ce) + 1.05 * Math.abs(se));
-    const scale = zoom * Math.min(height / tall, width / (reach * 1.05));
-    const middle = [0, 0, -0.45 * reach];
+    const { middle, reach, wide, tall } = whole
+      ? biflag.Tank.frame(robot.tank, right, up)
+      : { middle: [0, 0, -0.45 * robot.reach], reach: robot.reach, wide: 1.05 * robot.reach, tall: robot.reach * (1.5 * Math.abs(ce) + 1.05 * Math.abs(se)) };
+    const scale = zoom * Math.min(height / tall, width / wide);
     const far = flat ? Infinity : 9 * reach;
     const project = (point) => {
       const p = biflag.minus(point, middle);
@@ -106,7 +110,7 @@ biflag.Scene = class {
     const begun = performance.now();
     const { canvas } = this;
     // Without a graphics card, many pixels take longer than a frame: the robot moves in coarser ones.
-    const ratio = this.trial.playing && this.isSlow ? 1 : devicePixelRatio;
+    const ratio = this.ratio ?? (this.trial.playing && this.isSlow ? 1 : devicePixelRatio);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!width || !height) return;
     const size = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -170,13 +174,14 @@ biflag.Scene = class {
     const radius = 0.5 * robot.body.rod_radius_m;
     const from = Math.max(0, time - TRAIL_S);
     if (time - from < 0.01) return mesh;
-    const times = Array.from({ length: TRAIL_POINTS }, (_, i) => from + ((time - from) * i) / (TRAIL_POINTS - 1));
+    const times = robot.trailTimes(from, time, TRAIL_POINTS);
     const turns = times.map((t) => biflag.rotation(this.attitude("", t) ?? [0, 0, 0]));
     for (const k of [0, 1]) {
-      const path = times.map((t, i) => biflag.turned(turns[i], robot.tip(k, t)));
+      const tips = times.map((t, i) => biflag.turned(turns[i], robot.tip(k, t)));
+      const path = biflag.smooth(tips, Math.max(1, Math.round(TRAIL_POINTS / tips.length)));
       const moved = path.some((point) => Math.hypot(...biflag.minus(point, path[0])) > radius);
       const pale = this.rgb(`flagellum${k + 1}`).map((part) => 0.55 * part + 0.45);
-      if (moved) mesh.tube(path, (i) => radius * (0.12 + (0.88 * i) / (TRAIL_POINTS - 1)), pale, 6);
+      if (moved) mesh.tube(path, (i) => radius * (0.12 + (0.88 * i) / (path.length - 1)), pale, 6);
     }
     return mesh;
   }
@@ -239,7 +244,7 @@ biflag.Scene = class {
   }
 
   /** The scale of the yaw with its pointers. */
-  compass({ ctx, project, path }, own, model) {
+  compass({ ctx, project, path, scale }, own, model) {
     const reach = this.robots[0].reach;
     const [radius, z] = [0.24 * reach, 0.1 * reach];
     const on = (angle, r) => [r * Math.cos(angle), r * Math.sin(angle), z];
@@ -249,7 +254,8 @@ biflag.Scene = class {
     for (let i = 0; i < 12; i++) {
       const angle = (i * Math.PI) / 6;
       path([on(angle, radius), on(angle, radius * (i % 3 ? 0.95 : 0.89))], this.css.line, 1.2);
-      if (i % 3) continue;
+      // A small ring has no room for numbers.
+      if (i % 3 || radius * scale < 24) continue;
       const [x, y] = project(on(angle, radius * 1.24));
       // Seen from the side, opposite angles are at one place.
       if (written.some(([u, v]) => Math.hypot(x - u, y - v) < 22)) continue;
@@ -352,42 +358,6 @@ biflag.Scene = class {
     this.camera = this.camera === camera ? "still" : camera;
     this.flown_s = 0;
     this.trial.changed();
-  }
-
-  listen() {
-    const { canvas } = this;
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      canvas.classList.add("held");
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (canvas.hasPointerCapture(event.pointerId)) this.turn(-event.movementX * 0.01, event.movementY * 0.01);
-    });
-    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => canvas.classList.remove("held"));
-    canvas.addEventListener("wheel", (event) => {
-      // Without a modifier key, the wheel scrolls the page.
-      if (!event.ctrlKey && !event.metaKey) return;
-      event.preventDefault();
-      this.zoom(Math.exp(-event.deltaY * 0.002));
-    }, { passive: false });
-    canvas.addEventListener("dblclick", () => this.look("perspective"));
-    const keys = {
-      ArrowLeft: () => this.turn(0.1, 0),
-      ArrowRight: () => this.turn(-0.1, 0),
-      ArrowUp: () => this.turn(0, 0.1),
-      ArrowDown: () => this.turn(0, -0.1),
-      "+": () => this.zoom(1.2),
-      "=": () => this.zoom(1.2),
-      "-": () => this.zoom(1 / 1.2),
-      Home: () => this.look("perspective"),
-      " ": () => this.trial.toggle(),
-    };
-    canvas.addEventListener("keydown", (event) => {
-      const act = keys[event.key];
-      if (!act || event.ctrlKey || event.altKey || event.metaKey) return;
-      event.preventDefault();
-      act();
-    });
   }
 };
 

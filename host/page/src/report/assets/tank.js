@@ -9,6 +9,15 @@ biflag.Tank = class {
     return { low_m: [-0.36 * reach, -0.36 * reach, -1.12 * reach], high_m: [0.36 * reach, 0.36 * reach, 0.2 * reach] };
   }
 
+  /** What a view must show for the whole tank: its middle, and its size along the view's directions. */
+  static frame({ low_m, high_m }, right, up) {
+    const size = high_m.map((high, axis) => high - low_m[axis]);
+    const along = (direction) => direction.reduce((sum, part, axis) => sum + Math.abs(part) * size[axis], 0);
+    // Near corners look larger.
+    const [wide, tall] = [right, up].map((direction) => 1.12 * along(direction));
+    return { middle: high_m.map((high, axis) => high - size[axis] / 2), reach: Math.hypot(...size), wide, tall };
+  }
+
   /** `view`: the canvas and its projection (see scene.js). */
   constructor({ low_m, high_m }, view, css) {
     Object.assign(this, { low: low_m, high: high_m, view, css });
@@ -67,8 +76,8 @@ biflag.Tank = class {
     ctx.save();
     ctx.lineCap = ctx.lineJoin = "round";
     ctx.strokeStyle = ctx.fillStyle = this.css.shadow;
-    for (const width of [8, 6, 4.5, 3, 2]) {
-      ctx.globalAlpha = 0.07;
+    ctx.globalAlpha = 0.035;
+    for (let width = 9; width > 0.5; width -= 0.85) {
       ctx.lineWidth = width * rod * scale;
       for (const line of lines) {
         onFloor(line);
