@@ -6,9 +6,9 @@ use signal_hook::{flag, low_level};
 use std::ffi::c_int;
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
+use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -20,6 +20,14 @@ const SAME: Duration = Duration::from_millis(500);
 
 /// Longest wait for the last words: the terminal may hang as well.
 const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// The flag of [`interruption`].
+static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// Returns whether the user has interrupted a command that handles it.
+pub(crate) fn is_interrupted() -> bool {
+    FLAG.get().is_some_and(|flag| flag.load(Ordering::Relaxed))
+}
 
 /// Returns a flag that is set by Ctrl-C, by a request to end, and when the terminal closes. To be called once in a
 /// program.
@@ -33,7 +41,7 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 /// # Errors
 /// If the system does not allow the program to handle a signal.
 pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
+    let interrupted = Arc::clone(FLAG.get_or_init(Arc::default));
     let hears_ctrl_c = !is_ignored(SIGINT);
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         if !is_ignored(signal) {

@@ -361,10 +361,14 @@ fn full_pipe() -> (PipeReader, PipeWriter) {
 
 /// Starts a recording on a board whose stderr is `stderr`.
 fn record_onto(stderr: impl Into<Stdio>, bench: &Bench, plan: &Path, port: &str) -> Child {
+    record_onto_both([Stdio::piped(), stderr.into()], bench, plan, port)
+}
+
+fn record_onto_both([stdout, stderr]: [Stdio; 2], bench: &Bench, plan: &Path, port: &str) -> Child {
     let mut command = Command::new(program("biflag"));
     command.arg("record").arg(plan).args(["--port", port, "--out", "session", "--json"]).current_dir(bench.path());
     command.env("XDG_CONFIG_HOME", bench.path().join("config")).env("TERM", "xterm");
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(stderr).spawn().unwrap()
+    command.stdin(Stdio::null()).stdout(stdout).stderr(stderr).spawn().unwrap()
 }
 
 /// Panics unless a recording has all samples of a run of so many seconds. It has no rest, which is a warning.
@@ -387,14 +391,15 @@ fn stderr_that_nobody_reads_delays_no_recording() {
     expect_all_samples(wait(recording, Duration::from_secs(60)), 16);
 }
 
-/// Nor does it keep Ctrl-C from a recording.
+/// Nor does it keep Ctrl-C from a recording, or the program from its end.
 #[test]
-fn ctrl_c_ends_a_recording_whose_stderr_nobody_reads() {
+fn ctrl_c_ends_a_recording_whose_output_nobody_reads() {
     let bench = Bench::new();
     let plan = bench.short_plan(60.0, [50.0, 10.0]);
     let mut nano = nano(["--speed", "1"]);
     let (_reader, writer) = full_pipe();
-    let recording = record_onto(writer, &bench, &plan, nano.port());
+    let outputs = [writer.try_clone().unwrap().into(), writer.into()];
+    let recording = record_onto_both(outputs, &bench, &plan, nano.port());
     wait_for_motion(&mut nano);
     signal(&recording, Signal::INT);
     let interrupted = Instant::now();

@@ -1,12 +1,21 @@
 //! The result of a command, and its output: stdout, stderr and the exit code.
+//!
+//! A terminal that Ctrl-S has stopped takes no output, nor does a pipe that nobody reads. A command waits for them, but not
+//! once the user has interrupted it.
 
 use crate::colour;
-use crate::signals::INTERRUPTED;
+use crate::signals::{INTERRUPTED, is_interrupted};
 use crate::text::{json_without, printable};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
-use std::io::Write;
+use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
+
+/// Longest wait of an interrupted command for its last output.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// How a command without an error ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -54,7 +63,7 @@ impl Answer {
         if let (Some(json), serde_json::Value::Object(error)) = (answer.json.as_object_mut(), error_json(report)) {
             json.extend(error);
         }
-        colour::eprint(&describe(report.as_ref()));
+        eprint(describe(report.as_ref()));
         Ok(answer)
     }
 }
@@ -66,7 +75,7 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
         Ok(answer) if json => escaped(&answer.json),
         Ok(answer) => printable(&answer.text),
         Err(report) => {
-            colour::eprint(&describe(report.as_ref()));
+            eprint(describe(report.as_ref()));
             if json { escaped(&error_json(report)) } else { String::new() }
         }
     };
@@ -89,16 +98,36 @@ pub(super) fn not_parsed(error: &clap::Error, json: bool) -> ExitCode {
 fn print(output: &str, code: u8) -> ExitCode {
     match output.trim_end() {
         "" => ExitCode::from(code),
-        output => end(colour::print(&format!("{output}\n")), code),
+        output => {
+            let output = format!("{output}\n");
+            end(patiently(move || colour::print(&output)).unwrap_or(Ok(())), code)
+        }
+    }
+}
+
+fn eprint(text: String) {
+    patiently(move || colour::eprint(&text));
+}
+
+/// Writes what is left of an output, from a thread of its own; returns `None` if an interruption ended the wait for it.
+fn patiently<T: Send + 'static>(write: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let (sender, written) = channel();
+    thread::spawn(move || sender.send(write()));
+    loop {
+        match written.recv_timeout(PATIENCE) {
+            Ok(result) => return Some(result),
+            Err(RecvTimeoutError::Timeout) if !is_interrupted() => {}
+            Err(_) => return None,
+        }
     }
 }
 
 /// Returns the exit code after the output was printed.
-fn end(printed: std::io::Result<()>, code: u8) -> ExitCode {
+fn end(printed: io::Result<()>, code: u8) -> ExitCode {
     match printed {
         // A reader such as `head` may close the pipe early.
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            let _ = writeln!(std::io::stderr(), "error: stdout: {error}");
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            let _ = writeln!(io::stderr(), "error: stdout: {error}");
             // An interrupted command stays interrupted: its terminal may have closed.
             ExitCode::from(if [0, 3].contains(&code) { 1 } else { code })
         }

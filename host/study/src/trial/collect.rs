@@ -213,7 +213,8 @@ impl Collector {
         self.link.samples = states.len() as u64;
     }
 
-    /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude.
+    /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude, or
+    /// numbers that are none, which no board sends.
     fn reading(&self, frame: &Telemetry) -> Option<Reading> {
         let q = frame.attitude.as_ref()?;
         let attitude = match &frame.attitude_q15 {
@@ -223,6 +224,9 @@ impl Collector {
             }
             _ => [q.w, q.x, q.y, q.z],
         };
+        if !attitude.iter().sum::<f64>().is_finite() || attitude == [0.0; 4] {
+            return None;
+        }
         let lateral_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y]);
         Some(Reading { attitude, lateral_dps, temperature_c: frame.temperature_c })
     }
@@ -242,4 +246,21 @@ fn link(counted: LinkStats, summed_up: Option<LinkStats>) -> LinkStats {
     let Some(summed_up) = summed_up else { return counted };
     let missing = summed_up.samples.saturating_sub(counted.samples);
     LinkStats { samples: counted.samples, lost: summed_up.lost.saturating_add(missing), ..summed_up }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use biflag_log::FORMAT;
+
+    #[test]
+    fn attitude_that_is_no_number_is_no_reading() {
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        for (time_s, w) in (0..).map(f64::from).zip([f64::NAN, f64::INFINITY, 0.0, 0.9]) {
+            let attitude = Some(biflag::Quaternion { w, ..biflag::Quaternion::default() });
+            collector.telemetry(&Telemetry { time_s, attitude, imu_fresh: true, ..Telemetry::default() });
+        }
+        let readings = collector.finish("log".as_ref(), Records::default()).readings;
+        assert!(matches!(readings[..], [(3.0, Reading { attitude: [0.9, ..], .. })]), "{readings:?}");
+    }
 }

@@ -9,6 +9,7 @@ use super::zero::Zeroed;
 use crate::attitude::Motion;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
+use protocol::Settings;
 use protocol::units::CentiRpm;
 use std::ops::Range;
 
@@ -71,7 +72,11 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = Vec::new();
     let window_s = steady.window.end - steady.window.start;
     if !steady.settled && data.speeds() != [CentiRpm(0); 2] {
-        let text = format!("not settled: the angles are means over the last {window_s:.1} s, not steady values");
+        let text = if window_s > 0.0 {
+            format!("not settled: the angles are means over the last {window_s:.1} s, not steady values")
+        } else {
+            "not settled: the run ends as a motor reverses, and the angles are those of its end".to_owned()
+        };
         found.push(Finding::slight(FindingKind::Window, text, "give the trial a longer run"));
     }
     if !data.is_model() && window_s > 0.0 {
@@ -125,10 +130,36 @@ fn sensor(data: &Data) -> Vec<Finding> {
             "check the sensor's wiring and supply, and repeat the trial",
         ));
     }
-    if let Some(gain) = data.settings().map(|settings| settings.attitude_kp).filter(|gain| *gain < LEAST_GAIN) {
-        let text =
-            format!("the board's filter follows gravity in {:.1} s (attitude_kp {gain}): the tilt lags", 1.0 / gain);
-        found.push(Finding::grave(FindingKind::Conduct, text, "set attitude_kp to 1, and repeat the trial"));
+    found.extend(data.settings().iter().flat_map(of_settings));
+    found
+}
+
+/// What makes the angles wrong with these settings of the board, whatever the sensor reads.
+fn of_settings(settings: &Settings) -> Vec<Finding> {
+    let Settings { gyro_axes, accel_axes, attitude_kp, attitude_ki, .. } = *settings;
+    let mut found = Vec::new();
+    let mut grave = |text: String, cure: &str| found.push(Finding::grave(FindingKind::Conduct, text, cure));
+    if gyro_axes != accel_axes {
+        let [gyro, accel] = [gyro_axes, accel_axes].map(|axes| axes.0.map(|axis| axis.to_string()).join(", "));
+        let text = format!(
+            "gyro_axes ({gyro}) and accel_axes ({accel}) differ, and in an MPU6050 gyroscope and accelerometer have the same axes"
+        );
+        grave(text, "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial");
+    }
+    if attitude_kp < LEAST_GAIN {
+        let lags = match attitude_kp {
+            0.0 => "does not follow gravity (attitude_kp 0): the tilt drifts".to_owned(),
+            gain => format!("follows gravity in {:.1} s (attitude_kp {gain}): the tilt lags", 1.0 / gain),
+        };
+        grave(format!("the board's filter {lags}"), "set attitude_kp to 1, and repeat the trial");
+    }
+    // Already with 0.003 the yaw is off by 2 degrees in a run of 70 s.
+    if attitude_ki != 0.0 {
+        let text = format!(
+            "the board's filter takes a part of the robot's motion for a bias of the gyroscope (attitude_ki {attitude_ki}): the \
+             yaw drifts in the run"
+        );
+        grave(text, "set attitude_ki to 0, and repeat the trial");
     }
     found
 }
@@ -199,4 +230,27 @@ fn conduct(data: &Data) -> Vec<Finding> {
         found.push(grave(text.to_owned(), cure));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::units::{Axis, AxisMap};
+
+    #[test]
+    fn settings_that_make_the_angles_wrong_are_grave() {
+        assert_eq!(of_settings(&Settings::DEFAULT), []);
+        let gyro_axes = AxisMap([Axis::PlusX, Axis::PlusY, Axis::MinusZ]);
+        let turned = AxisMap([Axis::PlusY, Axis::MinusX, Axis::PlusZ]);
+        assert_eq!(of_settings(&Settings { gyro_axes: turned, accel_axes: turned, ..Settings::DEFAULT }), []);
+        for (settings, said) in [
+            (Settings { gyro_axes, ..Settings::DEFAULT }, "gyro_axes (+x, +y, -z) and accel_axes (+x, +y, +z) differ"),
+            (Settings { attitude_kp: 0.49, ..Settings::DEFAULT }, "follows gravity in 2.0 s (attitude_kp 0.49)"),
+            (Settings { attitude_kp: 0.0, ..Settings::DEFAULT }, "does not follow gravity"),
+            (Settings { attitude_ki: 0.003, ..Settings::DEFAULT }, "bias of the gyroscope (attitude_ki 0.003)"),
+        ] {
+            let [finding] = of_settings(&settings).try_into().unwrap();
+            assert!(finding.grave && finding.text.contains(said), "{finding}");
+        }
+    }
 }

@@ -131,7 +131,8 @@ fn even(start: f64, end: f64) -> Vec<f64> {
         return vec![start];
     }
     let count = ((end - start) / LONGEST_S).ceil().max(1.0);
-    (0..=count as usize).map(|i| start + (end - start) * i as f64 / count).collect()
+    // `start + (end - start)` may be rounded to less than the end.
+    (0..count as usize).map(|i| start + (end - start) * i as f64 / count).chain([end]).collect()
 }
 
 /// A quadratic spline with simple knots inside and triple ones at its ends.
@@ -291,6 +292,14 @@ mod tests {
         assert_eq!(within(&(1.0..30.9), &readings), 1.0..30.9, "a part of the run without readings is not left out");
         // As many knots as seconds up to the run would fill the memory.
         assert!(within(&(1e10..2e10), &readings).is_empty());
+    }
+
+    proptest! {
+        #[test]
+        fn last_knot_is_the_last_reading(start in 0.0..100.0f64, length in 1e-3..200.0f64) {
+            let end = start + length;
+            prop_assert_eq!(even(start, end).last().copied(), Some(end));
+        }
     }
 
     proptest! {

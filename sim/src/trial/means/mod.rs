@@ -314,7 +314,8 @@ impl SteadyCollector {
         let end = self.end();
         let last = self.levels(end - self.window, end);
         let before = self.levels(end - 2.0 * self.window, end - self.window);
-        let enough = end - self.from >= 1.999 * self.window;
+        // A window without a length, after a reversal at the very end, shows no state.
+        let enough = self.window > 0.0 && end - self.from >= 1.999 * self.window;
         let agree = |a: f64, b: f64| (a - b).abs() <= 0.5f64.to_radians().max(0.01 * b.abs());
         let settled = enough && (0..3).all(|c| agree(before[c].mean, last[c].mean));
         self.state(self.window, last, |_| settled)
@@ -382,6 +383,11 @@ mod tests {
         assert_eq!(steady.attitude[0], Level { mean: 2.0, amplitude: 0.0, standard_error: None });
         assert!(steady.window_s <= 3.0 && !steady.settled, "{steady:?}");
         assert_eq!(steady.settle_s, 37.0);
+
+        let mut collector = SteadyCollector::after_reversal(5.0, 45.7, 45.0, [5.3, -7.1]);
+        collector.push(45.0, [0.5; CHANNELS], false);
+        let steady = collector.window();
+        assert!(steady.window_s == 0.0 && !steady.settled, "{steady:?}");
     }
 
     /// Two motors whose phase slips by a turn in 33 minutes.
