@@ -61,7 +61,7 @@ pub fn steer(
     progress.line(&format!("to hold: yaw {yaw_deg}°, pitch {pitch_deg}°, for {} s", trial.phases.run_s));
     let (rest_s, run_s) = (trial.phases.preroll_s.max(1.0), trial.phases.run_s);
     note_of_sensor.iter().for_each(|note| progress.line(&format!("note: {note}")));
-    let error = yaw_error(&Sensor::of_data_sheet(), [yaw_deg, tilt_deg], rest_s, run_s);
+    let error = yaw_error(&Sensor::of(plan.sensor.as_ref()), [yaw_deg, tilt_deg], rest_s, run_s);
     progress.line(&format!(
         "the yaw comes from the gyroscope: after {run_s} s it may be off by {error}; rest alone shows its drift"
     ));

@@ -5,7 +5,7 @@ use super::finding::Finding;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
-use crate::sensor::{MeasuredSensor, Sensor};
+use crate::sensor::Sensor;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, ImportMeta, LevelMeta, LinkStats, Loss,
@@ -285,9 +285,7 @@ impl Data {
     /// Returns what is known of the errors of the sensor: what was measured where the log has it, the data sheet for all
     /// else.
     pub fn sensor(&self) -> Sensor {
-        let file = self.records.measured_sensor.as_ref();
-        let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
-        measured.map_or_else(Sensor::of_data_sheet, |measured| measured.known())
+        Sensor::of(self.records.measured_sensor.as_ref())
     }
 
     /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.
@@ -331,7 +329,7 @@ impl Data {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::Estimate;
+    use crate::sensor::{Estimate, MeasuredSensor};
     use crate::trial::Collector;
     use biflag_log::FORMAT;
     use protocol::Info;
