@@ -210,6 +210,16 @@ mod tests {
         attitude.half_up().map(|part| 2.0 * part)
     }
 
+    #[test]
+    fn a_large_turn_is_lengthened_to_its_tangent() {
+        for angle in [0.0_f32, 12.7, 30.0].map(f32::to_radians) {
+            let mut half_turn = [0.6, 0.0, -0.8].map(|part| part * 0.5 * angle);
+            lengthen(&mut half_turn);
+            let off = (2.0 * norm(&half_turn).atan() - angle).to_degrees();
+            assert!(off.abs() < 0.03, "{off}");
+        }
+    }
+
     /// Returns half the rotation of a tick at these rates.
     fn half(rates: [f32; 3]) -> [f32; 3] {
         rates.map(|rate| 0.5 * DT * rate)

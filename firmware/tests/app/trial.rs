@@ -209,3 +209,23 @@ fn a_schedule_that_waits_for_its_start_watches_the_link() {
     bench.ticks(103);
     assert_eq!((bench.look().fault, bench.look().phase), (Fault::LinkLost, 0));
 }
+
+#[test]
+fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
+    let mut bench = streaming();
+    assert_eq!(bench.ask(Command::Align), Reply::Done);
+    let known_after_a_cut = |bench: &Bench| {
+        let world = World::new();
+        let eeprom = bench.world.change(|state| state.eeprom);
+        world.change(|state| state.eeprom = eeprom);
+        let mut later = Bench::start(world, Start::default());
+        let Reply::Info(info) = later.ask(Command::Hello) else { panic!() };
+        (info.angles_known, info.encoder.map(|position| position.0))
+    };
+    bench.ticks_alive(40);
+    assert_eq!(known_after_a_cut(&bench), (true, [0, 0]));
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+    bench.speed = [2, -1];
+    bench.ticks_alive(40);
+    assert!(!known_after_a_cut(&bench).0);
+}
