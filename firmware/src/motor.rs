@@ -268,6 +268,25 @@ mod tests {
         assert_eq!(speeds([98, -9]), [0, 0]);
     }
 
+    #[test]
+    fn a_motor_is_braked_where_its_turn_ends() {
+        let mut control = SpeedControl::default();
+        assert_eq!([700, -700].map(|speed| control.approach(CentiRpm(0), CentiRpm(speed), GAINS)), [Duty(-7), Duty(7)]);
+        assert_eq!(control.approach(CentiRpm(0), CentiRpm(i16::MAX), Gains { kp: 1.0, ..GAINS }), Duty(-255));
+    }
+
+    #[test]
+    fn a_motor_falls_behind_its_angle_in_missed_ticks() {
+        let count = count_in_ticks(602.22);
+        // A tick at 59.783 rpm is three counts.
+        let motion = |ticks: i8| Motion { counts: 3 * ticks, speed: CentiRpm(5978), edges: 3, glitches: 0 };
+        let [mut kept, mut missed] = [(), ()].map(|()| SpeedControl::default());
+        kept.follow(CentiRpm(5978), 2, &motion(2), count);
+        missed.follow(CentiRpm(5978), 2, &motion(0), count);
+        assert!(kept.lag.abs() < count / 10, "{}", kept.lag);
+        assert!((missed.lag - 6 * count).abs() < count / 10, "{} of {count}", missed.lag);
+    }
+
     /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms, and its encoder.
     fn simulate(control: &mut SpeedControl, speed: &mut f64, target: CentiRpm, rpm_per_step: f64, ticks: u32) -> i16 {
         let (mut duty, mut position, count) = (Duty(0), 0.0f64, count_in_ticks(602.22));
