@@ -276,6 +276,16 @@ mod tests {
     }
 
     #[test]
+    fn a_motor_catches_up_by_half_its_speed_and_waits_by_standing_still() {
+        let gains = Gains { kp: 0.01, ki: 0.0 };
+        for (lag, target, duty) in [(1, 6000, 40), (-1, -6000, -40), (-1, 6000, -60), (1, -6000, 60)] {
+            let mut control = SpeedControl { lag: lag * MAX_LAG, ..SpeedControl::default() };
+            let speed = CentiRpm(target);
+            assert_eq!(control.duty(speed, speed, gains), Duty(duty), "{lag} {target}");
+        }
+    }
+
+    #[test]
     fn a_motor_falls_behind_its_angle_in_missed_ticks() {
         let count = count_in_ticks(602.22);
         // A tick at 59.783 rpm is three counts.
