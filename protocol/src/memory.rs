@@ -105,3 +105,23 @@ mod board {
         size_of::<T>() as u8
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Command;
+
+    #[test]
+    fn what_is_whole_is_read_and_nothing_else() {
+        let mut buffer = [0; 128];
+        let request = Request { seq: 200, command: Command::CalibrateGyro { duration_ms: 1234 } };
+        let bytes = postcard::to_slice(&request, &mut buffer).unwrap();
+        assert_eq!((Request::read(bytes), Request::read(&bytes[1..])), (Some(request), None));
+        let settings = Settings { board_id: 1234, attitude_kp: 0.7, ..Settings::DEFAULT };
+        let bytes = postcard::to_slice(&settings, &mut buffer).unwrap();
+        assert_eq!((Settings::read(bytes), Settings::read(&bytes[1..])), (Some(settings), None));
+        let record = FaultRecord { boot: 513, ..FaultRecord::default() };
+        let bytes = postcard::to_slice(&record, &mut buffer).unwrap();
+        assert_eq!((FaultRecord::read(bytes), FaultRecord::read(&bytes[1..])), (Some(record), None));
+    }
+}

@@ -224,6 +224,13 @@ fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     };
     bench.ticks_alive(40);
     assert_eq!(known_after_a_cut(&bench), (true, [0, 0]));
+    // Before the first motion of a trial, so that it can begin in time.
+    start_trial(&mut bench);
+    bench.ticks_alive(10);
+    assert!(bench.world.is_off() && !known_after_a_cut(&bench).0);
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    bench.ticks_alive(40);
+    assert!(known_after_a_cut(&bench).0);
     assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
     bench.speed = [2, -1];
     bench.ticks_alive(40);
