@@ -288,12 +288,15 @@ mod tests {
     #[test]
     fn a_motor_falls_behind_its_angle_in_missed_ticks() {
         let count = count_in_ticks(602.22);
+        assert_eq!(count, 510_113);
         // A tick at 59.783 rpm is three counts.
         let motion = |ticks: i8| Motion { counts: 3 * ticks, speed: CentiRpm(5978), edges: 3, glitches: 0 };
         let [mut kept, mut missed] = [(), ()].map(|()| SpeedControl::default());
         kept.follow(CentiRpm(5978), 2, &motion(2), count);
         missed.follow(CentiRpm(5978), 2, &motion(0), count);
         assert!(kept.lag.abs() < count / 10, "{}", kept.lag);
+        // So fast that the angle is counted to the middle between two edges.
+        assert_eq!((kept.since, missed.since), (0, count >> 1));
         assert!((missed.lag - 6 * count).abs() < count / 10, "{} of {count}", missed.lag);
     }
 

@@ -357,6 +357,18 @@ fn more_spikes_than_the_limit_are_noise_until_the_next_tick() {
 }
 
 #[test]
+fn as_many_spikes_as_the_limit_are_counted() {
+    for (edges, is_noisy) in [(MAX_GLITCHES, false), (MAX_GLITCHES + 2, true)] {
+        let mut filter = Filter::new();
+        for edge in 1..=u32::from(edges) {
+            filter.feed(edge % 2 == 1, clock(5 * edge), || false);
+        }
+        let taken = take(&mut filter, TICK_US);
+        assert_eq!((taken.glitches, taken.is_noisy), (edges, is_noisy));
+    }
+}
+
+#[test]
 fn a_speed_too_high_for_its_number_saturates() {
     let (mut encoder, mut filter) = (Encoder::default(), Filter::new());
     for edge in 1..=3 {
