@@ -122,7 +122,7 @@ fn an_open_loop_drive_ends_by_itself_and_needs_the_host() {
 
 #[test]
 fn a_stop_ends_a_turn_to_positions() {
-    for second in [-500, 500] {
+    for second in [-500, 0, 500] {
         let mut bench = streaming();
         let turn = Command::TurnTo { position: [EncoderCounts(500), EncoderCounts(second)], speed: CentiRpm(1000) };
         assert_eq!(bench.ask(turn), Reply::Done);
