@@ -297,6 +297,9 @@ mod tests {
         assert!(kept.lag.abs() < count / 10, "{}", kept.lag);
         // So fast that the angle is counted to the middle between two edges.
         assert_eq!((kept.since, missed.since), (0, count >> 1));
+        // The edge of a slow one came, on average, in the middle of the tick.
+        kept.follow(CentiRpm(500), 0, &Motion { counts: 1, speed: CentiRpm(500), ..motion(0) }, count);
+        assert_eq!(kept.since, 250 * PARTS - (count >> 1));
         assert!((missed.lag - 6 * count).abs() < count / 10, "{} of {count}", missed.lag);
     }
 
