@@ -276,6 +276,15 @@ mod tests {
     }
 
     #[test]
+    fn a_motor_that_turns_too_fast_for_its_approach_loses_half_of_its_integral() {
+        for (speed, duty) in [(999, 40), (1000, 40), (1001, 20), (-1001, 20)] {
+            let mut control = SpeedControl { integral: 40.0, ..SpeedControl::default() };
+            let none = Gains { kp: 0.0, ki: 0.0 };
+            assert_eq!(control.approach(CentiRpm(1000), CentiRpm(speed), none), Duty(duty), "{speed}");
+        }
+    }
+
+    #[test]
     fn a_motor_catches_up_by_half_its_speed_and_waits_by_standing_still() {
         let gains = Gains { kp: 0.01, ki: 0.0 };
         for (lag, target, duty) in [(1, 6000, 40), (-1, -6000, -40), (-1, 6000, -60), (1, -6000, 60)] {
