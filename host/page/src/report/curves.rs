@@ -126,7 +126,7 @@ impl Curves {
         let mut page = json!({
             "end_s": data.duration_s,
             "phases": phases(data),
-            "marks": data.events.iter().filter_map(mark).take(MAX_EVENTS).collect::<Vec<_>>(),
+            "marks": data.events.iter().filter_map(ribbon::mark).take(MAX_EVENTS).collect::<Vec<_>>(),
             "attitude": attitude.page(&ATTITUDE),
             "motors": motors.page(&MOTORS),
             "forces": forces.as_ref().map(|forces| forces.page(&FORCES)),
@@ -267,18 +267,6 @@ fn phases(data: &Data) -> Vec<(String, f64, f64)> {
 fn bundling(data: &Data, shift_s: f64) -> Vec<(f64, Bundling)> {
     let changes = data.records.steady.as_ref().map(|steady| steady.bundling_changes.as_slice()).unwrap_or_default();
     changes.iter().map(|change| (change.time_s + shift_s, change.bundling)).take(MAX_EVENTS).collect()
-}
-
-/// Returns an event's mark in the charts: its time, its kind and its first words. Only problems and notes are marked.
-pub(super) fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
-    let kind = match event.kind {
-        Kind::Fault => "fault",
-        Kind::Warning => "warning",
-        Kind::Retry => "retry",
-        Kind::Note => "note",
-        Kind::Phase | Kind::State | Kind::Calibration | Kind::Clock => return None,
-    };
-    Some((event.time_s, kind, clip(&event.text, 80)))
 }
 
 /// Returns the link over time, in at most [`MAX_BARS`] bars.

@@ -1,17 +1,29 @@
 //! The ribbon over the charts of a trial: its phases, when the flagella touch, and what happened, with names.
 
-use super::curves::mark;
 use super::text::{clip, count, number};
+use biflag_log::schema::biflag::event::Kind;
 use maud::{Markup, html};
 use serde_json::Value;
 use sim::contact::bundling::Bundling;
-use study::trial::{Data, LinkSecond};
+use study::trial::{Data, Event, LinkSecond};
 
 /// The most names. The charts mark what has none.
 const MOST_NAMES: usize = 40;
 
 /// What has a name on the ribbon: its time (s), its kind, and its name.
 pub(super) type Named = (f64, &'static str, String);
+
+/// Returns an event's mark, in the charts and on the ribbon: its time, its kind and its first words. Only problems and notes are marked.
+pub(super) fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
+    let kind = match event.kind {
+        Kind::Fault => "fault",
+        Kind::Warning => "warning",
+        Kind::Retry => "retry",
+        Kind::Note => "note",
+        Kind::Phase | Kind::State | Kind::Calibration | Kind::Clock => return None,
+    };
+    Some((event.time_s, kind, clip(&event.text, 80)))
+}
 
 /// Returns the named events of a trial in the order of time: faults, warnings, lost frames, reversals, and the first contact.
 /// `bundling`: when the flagella begin to be apart, in touch or bundled.

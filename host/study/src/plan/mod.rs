@@ -9,7 +9,7 @@
 //! ```
 
 pub mod board;
-mod error;
+pub(crate) mod error;
 pub(crate) mod expand;
 pub(crate) mod file;
 mod fit;

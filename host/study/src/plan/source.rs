@@ -1,6 +1,7 @@
 //! A TOML file with its name: reads it into types, and describes every mistake in plain words with its line.
 
-use super::{PlanError, Shipped};
+use super::error::PlanError;
+use super::shipped::Shipped;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error};
 use std::fmt::{Display, LowerExp};

@@ -6,9 +6,9 @@
 
 use super::{AxesError, Estimate, Sensor};
 use crate::attitude::BiasNoise;
-use crate::plan::PlanError;
+use crate::plan::error::PlanError;
 use crate::plan::source::{Exactly, FileKind, Source, number};
-use biflag_log::atomic_file;
+use biflag_log::{MeasuredSensorMeta, atomic_file};
 use protocol::Settings;
 use protocol::units::{Axis, AxisMap};
 use serde::Deserialize;
@@ -187,6 +187,14 @@ impl File {
             self.bias_walk_dps_per_root_s,
             self.bias_dps_per_kelvin,
         ]
+    }
+}
+
+impl Sensor {
+    /// Returns what a plan or a log knows of its sensor: what its file has, and the data sheet for all else.
+    pub fn of(file: Option<&MeasuredSensorMeta>) -> Self {
+        let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
+        measured.map_or_else(Self::of_data_sheet, |measured| measured.known())
     }
 }
 

@@ -31,7 +31,6 @@ pub use still::{AxisNoise, StillError, StillResult, StillWatch};
 pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 
 use crate::attitude::BiasNoise;
-use biflag_log::MeasuredSensorMeta;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -114,12 +113,6 @@ const BIAS_WALK: f64 = 5e-4;
 const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
-    /// Returns what a plan or a log knows of its sensor: what its file has, and the data sheet for all else.
-    pub fn of(file: Option<&MeasuredSensorMeta>) -> Self {
-        let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
-        measured.map_or_else(Self::of_data_sheet, |measured| measured.known())
-    }
-
     /// Returns what the data sheet says about every part.
     pub fn of_data_sheet() -> Self {
         let cross = |limit: f64| {
