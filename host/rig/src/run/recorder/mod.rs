@@ -1,16 +1,18 @@
 //! Records everything that arrives over the link while a trial runs.
 
+mod ask;
+
 use super::health::Health;
 use super::readout::Readout;
 use super::simulated::TruthRecorder;
 use super::{RecordError, fault_text};
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
-use protocol::units::{CentiRpm, Micros};
-use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
+use protocol::units::CentiRpm;
+use protocol::{Command, Fault, Reply, Request, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 use study::plan::TICK_US;
 use study::run;
 use study::trial::DAMAGED_FRAME;
@@ -25,16 +27,6 @@ pub struct Frame {
     /// The frame.
     pub telemetry: Telemetry,
 }
-
-/// Longest time that a frame is held back while an answer is awaited. Together with the flush interval of the log it is
-/// less than the half second of data that may be lost.
-const LONGEST_WAIT: Duration = Duration::from_millis(100);
-
-/// Interval at which an awaited answer is looked for, that of the link's thread.
-const ANSWER_POLL: Duration = Duration::from_millis(2);
-
-/// Longest wait for a frame with the motors off, which follows the stop by a tick.
-const OFF_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Events to keep when the queue is drained.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -235,14 +227,6 @@ impl<'a> Recorder<'a> {
         if is_late && !self.monitor.is_next(&first.telemetry) { planned_us } else { first.board_us }
     }
 
-    /// Asks for the board's clock; returns it unwrapped. To be called after [`Recorder::begin`].
-    pub(super) fn board_now_us(&mut self) -> Result<u64, RecordError> {
-        match self.ask(Command::Ping)? {
-            Reply::Pong(now) => Ok(self.begun_us + u64::from(now.since(Micros(self.begun_us as u32)))),
-            other => Err(self.link.wrong_answer(&Command::Ping, &other).into()),
-        }
-    }
-
     /// Returns the board's clock at the start of the plan, µs.
     pub(super) fn rested_us(&self) -> u64 {
         self.rested_us
@@ -253,72 +237,6 @@ impl<'a> Recorder<'a> {
         self.rested_us = rested_us;
     }
 
-    /// Sends a request that is answered with [`Reply::Done`].
-    pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
-        match self.ask(command)? {
-            Reply::Done => Ok(()),
-            other => Err(self.link.wrong_answer(&command, &other).into()),
-        }
-    }
-
-    /// Reads the result of the last calibration of the gyroscope.
-    pub(super) fn calibration(&mut self) -> Result<Calibration, RecordError> {
-        match self.ask(Command::ReadCalibration)? {
-            Reply::Calibration(calibration) => Ok(calibration),
-            other => Err(self.link.wrong_answer(&Command::ReadCalibration, &other).into()),
-        }
-    }
-
-    fn ask(&mut self, command: Command) -> Result<Reply, RecordError> {
-        let (answer, meanwhile) = self.exchange(command);
-        meanwhile?;
-        Ok(answer?)
-    }
-
-    /// Sends a request. Returns the answer, and the first failure in what came meanwhile, which is recorded: a board that
-    /// answers late must not delay the log. The exchange itself is logged when the link reports it.
-    pub(super) fn exchange(&mut self, command: Command) -> (Result<Reply, LinkError>, Result<(), RecordError>) {
-        let asked = match self.link.send(command) {
-            Ok(asked) => asked,
-            Err(error) => return (Err(error), Ok(())),
-        };
-        let mut meanwhile = Ok(());
-        loop {
-            if let Some(answer) = self.link.answer(&asked) {
-                return (answer, meanwhile);
-            }
-            // Only a schedule that has started has phases.
-            let has_started = self.waiting.back().is_some_and(|frame| frame.telemetry.phase > 0);
-            if matches!(command, Command::StartSchedule { .. }) && has_started {
-                return (Ok(Reply::Done), meanwhile);
-            }
-            let recorded = self.hear(ANSWER_POLL);
-            meanwhile = first_failure(meanwhile, recorded);
-        }
-    }
-
-    /// Records what comes within `timeout` while an answer is awaited. Frames wait for those who follow the phases, but
-    /// no longer than the log can.
-    fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
-        let mut outcome = match self.link.next(timeout) {
-            Some(received) => self.take_frame(received),
-            None => Ok(()),
-        };
-        while let Some(frame) = self.overdue() {
-            outcome = first_failure(outcome, self.keep(frame));
-        }
-        outcome.and(Ok(self.trial.log.tick()?))
-    }
-
-    /// Waits for a frame with both motors off, so that a log that ends early shows when they were.
-    pub(super) fn hear_off(&mut self) -> Result<(), RecordError> {
-        let begun = Instant::now();
-        while self.is_driven && begun.elapsed() < OFF_TIMEOUT {
-            self.hear(ANSWER_POLL)?;
-        }
-        Ok(())
-    }
-
     /// Records an event; a telemetry frame waits.
     fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
         if let Some((telemetry, host)) = self.take(received)? {
@@ -327,25 +245,6 @@ impl<'a> Recorder<'a> {
             self.waiting.push_back(Frame { board_us, host, telemetry });
         }
         Ok(())
-    }
-
-    /// Takes the next frame if it has waited for too long.
-    fn overdue(&mut self) -> Option<Frame> {
-        let next = self.pending.as_ref().or(self.waiting.front())?;
-        // A wall clock that is set back makes it overdue as well.
-        let is_fresh = next.host.elapsed().is_ok_and(|age| age < LONGEST_WAIT);
-        if is_fresh || self.recorded_phase.is_none_or(|last| next.telemetry.phase > last) {
-            return None;
-        }
-        self.pending.take().or_else(|| self.waiting.pop_front())
-    }
-
-    /// Returns the cause of a restart of the board since the link was opened, if there was one.
-    pub(super) fn restart(&mut self) -> Option<ResetCause> {
-        match self.exchange(Command::Hello).0 {
-            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
-            _ => None,
-        }
     }
 
     /// Sets the last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
