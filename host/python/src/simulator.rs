@@ -18,13 +18,27 @@ use sim::trial::profile::{Phases, SpeedProfile};
 use sim::trial::sample::shapes_at;
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::{PI, TAU};
+use study::run::model::{DELAY_S, Motors};
 
 /// Longest step, s: no signal is handled within a step.
 const LONGEST_STEP_S: f64 = 60.0;
 
+/// Longest time with linear speeds while the motors of a rig start, s.
+const PIECE_S: f64 = 0.1;
+
+/// What stands between the speeds of a step and the shafts on a rig: the delay, and motors that follow angles.
+#[derive(Serialize, Deserialize, Clone, Copy, Default)]
+struct Rig {
+    motors: Motors,
+    /// Speeds of the last step, rad/s.
+    target: [f64; 2],
+}
+
 /// One robot in its fluid, at a time.
 #[derive(Clone)]
 struct Simulator {
+    /// Those of a rig; `None` for ideal motors.
+    rig: Option<Rig>,
     trial: Trial,
     /// The speeds that the trial has had, which [`Trial`] does not give out.
     profile: SpeedProfile,
@@ -40,27 +54,49 @@ struct Saved {
     checkpoint: Checkpoint,
     profile: SpeedProfile,
     start_rad: [f64; 2],
+    #[serde(default)]
+    rig: Option<Rig>,
+}
+
+impl Rig {
+    /// Returns times and speeds (rad/s) at the ends of the pieces of a step, between which speeds are linear.
+    fn pieces(&mut self, from: f64, speeds: [f64; 2], dt: f64) -> Vec<(f64, [f64; 2])> {
+        let mut pieces = Vec::new();
+        let (mut passed, before) = (0.0, std::mem::replace(&mut self.target, speeds));
+        while passed < dt {
+            let (target, until) = if passed < DELAY_S { (before, DELAY_S) } else { (speeds, passed + PIECE_S) };
+            let until = if self.motors.follow(target) && passed >= DELAY_S { dt } else { until.min(dt) };
+            pieces.push((from + until, self.motors.turn(target, until - passed)));
+            passed = until;
+        }
+        pieces
+    }
 }
 
 impl Simulator {
-    fn new(solver: Solver, start_rad: [f64; 2]) -> Result<Self, Failure> {
+    fn new(solver: Solver, start_rad: [f64; 2], is_rig: bool) -> Result<Self, Failure> {
+        let rig = is_rig.then(Rig::default);
         let profile = SpeedProfile::open(0.0).from_angles(start_rad);
         let trial = Trial::with_solver(solver.clone(), profile.clone(), Options::default())?;
-        Ok(Self { trial, profile, start_rad, solver })
+        Ok(Self { rig, trial, profile, start_rad, solver })
     }
 
     fn reset(&mut self, start_rad: [f64; 2]) -> Result<(), Failure> {
-        *self = Self::new(self.trial.solver().clone(), start_rad)?;
+        *self = Self::new(self.trial.solver().clone(), start_rad, self.rig.is_some())?;
         Ok(())
     }
 
-    /// Advances by `dt` seconds. The motors reach their speeds (rpm) as at the start of a trial's run.
+    /// Advances by `dt` seconds. Ideal motors reach their speeds (rpm) as at the start of a trial's run.
     fn step(&mut self, rpm: [f64; 2], dt: f64) -> Result<(), Failure> {
         let from = self.profile.end();
         let speeds = rpm.map(|rpm| rpm * PI / 30.0);
         let ramp = Phases::default().ramp;
-        let times = if dt > ramp { [Some(from + ramp), Some(from + dt)] } else { [Some(from + dt), None] };
-        for time in times.into_iter().flatten() {
+        let pieces = match &mut self.rig {
+            Some(rig) => rig.pieces(from, speeds, dt),
+            None if dt > ramp => vec![(from + ramp, speeds), (from + dt, speeds)],
+            None => vec![(from + dt, speeds)],
+        };
+        for (time, speeds) in pieces {
             self.profile.extend(time, speeds)?;
             self.trial.extend(time, speeds)?;
         }
@@ -69,14 +105,19 @@ impl Simulator {
     }
 
     fn save(&self) -> Saved {
-        Saved { checkpoint: self.trial.checkpoint(), profile: self.profile.clone(), start_rad: self.start_rad }
+        Saved {
+            checkpoint: self.trial.checkpoint(),
+            profile: self.profile.clone(),
+            start_rad: self.start_rad,
+            rig: self.rig,
+        }
     }
 
     fn restore(&mut self, saved: Saved) -> Result<(), Failure> {
-        let Saved { checkpoint, profile, start_rad } = saved;
+        let Saved { checkpoint, profile, start_rad, rig } = saved;
         let mut trial = Trial::with_solver(self.trial.solver().clone(), profile.clone(), Options::default())?;
         trial.restore(checkpoint);
-        (self.trial, self.profile, self.start_rad) = (trial, profile, start_rad);
+        (self.trial, self.profile, self.start_rad, self.rig) = (trial, profile, start_rad, rig);
         Ok(())
     }
 
@@ -98,13 +139,14 @@ pub struct Simulators {
 
 #[pymethods]
 impl Simulators {
-    /// `count` robots at rest; more than one are computed on `threads` threads, all cores if it is `None`.
+    /// `count` robots at rest, with the delay and the motors of a rig if `rig`; more than one are computed on `threads`
+    /// threads, all cores if it is `None`.
     #[new]
-    #[pyo3(signature = (robot, count, closure, threads))]
-    fn new(robot: Py<Robot>, count: usize, closure: &str, threads: Option<usize>) -> Result<Self, Failure> {
+    #[pyo3(signature = (robot, count, closure, threads, rig))]
+    fn new(robot: Py<Robot>, count: usize, closure: &str, threads: Option<usize>, rig: bool) -> Result<Self, Failure> {
         let closure: Closure = names::closure(closure)?;
         let solver = Solver::new(&robot.get().params, closure)?;
-        let simulators = (0..count).map(|_| Simulator::new(solver.clone(), [0.0; 2])).collect::<Result<_, _>>()?;
+        let simulators = (0..count).map(|_| Simulator::new(solver.clone(), [0.0; 2], rig)).collect::<Result<_, _>>()?;
         let pool = if count > 1 && threads != Some(1) { Some(threads::pool(threads)?) } else { None };
         Ok(Self { robot, simulators, pool })
     }

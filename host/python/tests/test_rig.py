@@ -15,7 +15,7 @@ def rig(folder: Path) -> biflag.Rig:
 
 
 def test_rig_and_simulator_have_one_interface_and_agree(tmp_path: Path) -> None:
-    with biflag.Simulator(biflag.Robot.physical()) as simulator, rig(tmp_path) as board:
+    with biflag.Simulator(biflag.Robot.physical(), like_rig=True) as simulator, rig(tmp_path) as board:
         assert simulator.reset().time == 0.0
         assert board.reset().time == 0.0
         for _ in range(4):
@@ -25,8 +25,7 @@ def test_rig_and_simulator_have_one_interface_and_agree(tmp_path: Path) -> None:
         # Without a rest the bias of the gyroscope, some degrees per second, is in the yaw.
         assert measured.yaw == pytest.approx(modelled.yaw, abs=8.0)
         assert measured.pitch == pytest.approx(modelled.pitch, abs=1.0)
-        # Its motors start more slowly than those of the simulator, by a third of a second.
-        assert measured.turns == pytest.approx(modelled.turns, abs=0.35)
+        assert measured.turns == pytest.approx(modelled.turns, abs=0.03)
         assert measured.attitude == pytest.approx(modelled.attitude, abs=0.08)
         assert np.isnan(measured.forces).all()
     assert board.log is not None and biflag.read_log(board.log).speeds_rpm is not None

@@ -55,10 +55,16 @@ class Simulator:
     (0.5, True)
     >>> simulator.restore(saved).time
     0.0
+
+    Args:
+        robot: The robot.
+        closure: How the flagella act on the base.
+        like_rig: Whether speeds take effect as with :class:`Rig`: 0.02 s later, by motors that fall behind the angle of a new
+            target for 0.33 s and then make up for it. By default they are reached within 0.25 s.
     """
 
-    def __init__(self, robot: Robot, *, closure: Closure = "full") -> None:
-        self._simulators = _biflag.Simulators(robot, 1, closure, 1)
+    def __init__(self, robot: Robot, *, closure: Closure = "full", like_rig: bool = False) -> None:
+        self._simulators = _biflag.Simulators(robot, 1, closure, 1, like_rig)
         self.robot = robot
         """The robot."""
 
@@ -76,7 +82,8 @@ class Simulator:
         """Advances by ``dt`` seconds and returns the state.
 
         Args:
-            speeds: Speeds of motors 1 and 2 in rpm. The motors reach them within 0.25 s, or at the end of a shorter step.
+            speeds: Speeds of motors 1 and 2 in rpm. The motors reach them within 0.25 s, or at the end of a shorter step;
+                with ``like_rig`` as those of a rig.
             dt: Length in s, at most 60.
 
         Raises:

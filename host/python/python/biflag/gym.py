@@ -17,6 +17,9 @@ is near one that random speeds give, unless ``options={"attitude": (yaw, pitch)}
 steps, or if the solver fails, which ``info["failure"]`` then says.
 
 The robot swings by some degrees with each turn of its flagella, at any speeds. What can be held is the mean over some turns.
+
+The model stands for a rig: speeds take effect after its delay, by motors like its own (``like_rig`` of
+:class:`biflag.Simulator`). ``like_rig=False`` turns this off.
 """
 
 from __future__ import annotations
@@ -72,6 +75,7 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
         closure: Closure = "full",
         dt: float = 0.5,
         fast: bool = False,
+        like_rig: bool = True,
         on: Literal["simulator", "virtual", "rig"] = "simulator",
         render_mode: str | None = None,
         **rig: Any,
@@ -87,7 +91,7 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
         self._robot = robot or Robot.physical()
         self._body: Simulated | Rigged
         if on == "simulator":
-            self._body = Simulated(simulators(robot, 1, closure, 1, fast))
+            self._body = Simulated(simulators(robot, 1, closure, 1, fast, like_rig))
         else:
             self._body = Rigged(Rig(virtual=on == "virtual", **rig))
         self._wanted = np.zeros(2)
@@ -200,6 +204,7 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
         dt: float = 0.5,
         threads: int | None = None,
         fast: bool = False,
+        like_rig: bool = True,
     ) -> None:
         self.num_envs = num_envs
         self.single_observation_space = observation_space()
@@ -208,7 +213,7 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.dt = dt
         self.max_episode_steps = max_episode_steps
-        self._simulators = simulators(robot, num_envs, closure, threads, fast)
+        self._simulators = simulators(robot, num_envs, closure, threads, fast, like_rig)
         self._wanted = np.zeros((num_envs, 2))
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
@@ -257,10 +262,10 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
 
 
 def simulators(
-    robot: Robot | None, count: int, closure: Closure, threads: int | None, fast: bool
+    robot: Robot | None, count: int, closure: Closure, threads: int | None, fast: bool, like_rig: bool
 ) -> _biflag.Simulators | FastRobots:
     if not fast:
-        return _biflag.Simulators(robot or Robot.physical(), count, closure, threads)
+        return _biflag.Simulators(robot or Robot.physical(), count, closure, threads, like_rig)
     if closure != "full" or (robot is not None and robot != Robot.physical()):
         reason = "the fast environment has the robot `physical` with the closure `full` only"
         raise ParameterError(f"fast: {reason}", "fast", reason)

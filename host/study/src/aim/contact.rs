@@ -26,7 +26,7 @@ pub struct ContactChange {
 /// [`AimError::Interrupted`] and [`AimError::TimeOver`].
 pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Option<ContactChange>, AimError> {
     let rpm = state.rpm();
-    let others = table.rows().iter().filter(|row| row.touches.is_some_and(|touches| touches != state.touches()));
+    let others = table.rows().iter().filter(|row| row.touches().is_some_and(|touches| touches != state.touches()));
     let Some(other) = others.min_by(|a, b| distance(a.rpm, rpm).total_cmp(&distance(b.rpm, rpm))) else {
         return Ok(None);
     };

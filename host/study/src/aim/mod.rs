@@ -28,7 +28,7 @@ pub use error::AimError;
 pub use interval::Interval;
 pub use known::{Doubt, Known};
 pub use model::{Model, State};
-pub use nearest::{Nearest, nearest};
+pub use nearest::{Nearest, STEEPEST_RPM, nearest};
 pub use plan::plan;
 pub use quantity::{Attitude, Quantity};
 pub use read::{Columns, MAP, load, of_columns, shipped};
@@ -139,14 +139,18 @@ struct Start {
     rpm: [f64; 2],
     /// Whether the error in the table is more than the least one by more than [`LIKELY`].
     is_unlikely: bool,
-    /// Whether the flagella touch in the table.
-    touches: bool,
+    /// Share of the time in which the flagella touch by the table.
+    contact_share: f64,
 }
 
 impl Start {
+    fn touches(&self) -> bool {
+        self.contact_share > 0.0
+    }
+
     /// Starts of a later rank are refined after all earlier ones.
     fn rank(&self) -> [bool; 2] {
-        [self.touches, self.is_unlikely]
+        [self.touches(), self.is_unlikely]
     }
 }
 
@@ -239,7 +243,8 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
     for Best { rpm, error, .. } in found {
         let is_worth = starts.is_empty() || error < WORTH;
         if is_worth && starts.len() < STARTS && starts.iter().all(|start| distance(start.rpm, rpm) > APART) {
-            starts.push(Start { rpm, is_unlikely: error > least + LIKELY, touches: table.touches(rpm) });
+            let contact_share = table.contact_share(rpm);
+            starts.push(Start { rpm, is_unlikely: error > least + LIKELY, contact_share });
         }
     }
     starts.sort_by_key(Start::rank);
@@ -250,7 +255,7 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
 fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Found, AimError> {
     let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
     let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
-    if start.touches {
+    if start.touches() {
         // By trials alone: steady states often take as long there. The attitude scatters from one pair of speeds to the next, so
         // a solution is not improved further.
         let goal = Goal { close: REACHED, values: TRIALS, ..goal };

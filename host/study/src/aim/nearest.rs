@@ -5,8 +5,11 @@ use super::improve::{Goal, VALUES};
 use super::quantity::Attitude;
 use super::table::Table;
 use super::target::Target;
-use super::{CLOSE, propose};
+use super::{CLOSE, Start, propose};
 use nalgebra::DMatrix;
+
+/// Largest change of the speeds for a degree with which a controller corrects an attitude, rpm.
+pub const STEEPEST_RPM: f64 = 40.0;
 
 /// The speeds of a table that come nearest to a target.
 #[derive(Clone, PartialEq, Debug)]
@@ -21,22 +24,33 @@ pub struct Nearest {
     pub derivatives: DMatrix<f64>,
 }
 
-/// Returns the speeds that come nearest to a target by the table; flagella that are apart come first.
+/// Returns the speeds that come nearest to a target by the table.
+///
+/// Of several it takes those about which every wanted value answers to the speeds, and of these the ones with the least
+/// contact: in contact the attitude depends on the speeds irregularly.
 ///
 /// # Errors
 /// [`AimError::TooSmall`].
 pub fn nearest(table: &Table, target: &Target) -> Result<Nearest, AimError> {
     let thrust_step_n = table.thrust_step_n();
     let starts = propose(table, Goal { target, thrust_step_n, close: CLOSE, values: VALUES })?;
-    let Some(start) = starts.first() else { return Err(AimError::TooSmall { rows: table.rows().len() }) };
-    let about = table.about(start.rpm);
-    let attitude = about.at(start.rpm);
-    Ok(Nearest {
-        rpm: start.rpm,
-        attitude,
-        error_deg: target.error_deg(&attitude),
-        derivatives: about.derivatives(target, thrust_step_n),
-    })
+    let found = starts.iter().map(|start| {
+        let about = table.about(start.rpm);
+        let attitude = about.at(start.rpm);
+        let error_deg = target.error_deg(&attitude);
+        Nearest { rpm: start.rpm, attitude, error_deg, derivatives: about.derivatives(target, thrust_step_n) }
+    });
+    let by_rank = |(start, found): &(&Start, Nearest)| (start.is_unlikely, !found.answers());
+    let first = (starts.iter().zip(found))
+        .min_by(|a, b| by_rank(a).cmp(&by_rank(b)).then(a.0.contact_share.total_cmp(&b.0.contact_share)));
+    first.map(|(_, found)| found).ok_or(AimError::TooSmall { rows: table.rows().len() })
+}
+
+impl Nearest {
+    /// Returns whether no wanted value needs a change of the speeds by more than [`STEEPEST_RPM`] for a degree.
+    fn answers(&self) -> bool {
+        self.derivatives.singular_values().iter().all(|value| value * STEEPEST_RPM >= 1.0)
+    }
 }
 
 #[cfg(test)]
@@ -52,5 +66,15 @@ mod tests {
         // Both motors turn the base the other way; the faster one tilts it.
         let of = |quantity: usize, motor: usize| found.derivatives[(quantity, motor)];
         assert!(of(0, 0) < -0.5 && of(0, 1) < -0.5 && of(1, 0) < -0.03 && of(1, 1) > 0.03, "{found:?}");
+    }
+
+    #[test]
+    fn of_several_speeds_those_come_first_about_which_yaw_and_pitch_answer() {
+        // About other speeds that the table gives for it, (54.63, -83.83) rpm, a degree of pitch needs 1000 rpm.
+        let target = Target::new([(Quantity::Yaw, Some(61.4)), (Quantity::Pitch, Some(3.3))]).unwrap();
+        let table = shipped().unwrap();
+        let found = nearest(&table, &target).unwrap();
+        assert!(found.error_deg < CLOSE && found.answers(), "{found:?}");
+        assert!(table.contact_share(found.rpm) < 0.2, "{found:?}");
     }
 }

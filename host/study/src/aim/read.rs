@@ -73,9 +73,9 @@ fn rows(columns: &Columns, robot: &Robot) -> Result<Vec<Row>, String> {
         .map(|i| {
             let [w1, w2, yaw_deg, pitch_deg, roll_deg] = needed.map(|values| values[i]);
             let thrust_n = [force1, force2].into_iter().flatten().map(|values| values[i]).sum();
-            let touches = contact.map(|values| values[i]).filter(|share| share.is_finite()).map(|share| share > 0.0);
+            let contact_share = contact.map(|values| values[i]).filter(|share| share.is_finite());
             let attitude = Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n };
-            (unlike(i), Row { rpm: [w1, w2], attitude, touches })
+            (unlike(i), Row { rpm: [w1, w2], attitude, contact_share })
         })
         .collect();
     let nearest = found.iter().map(|(unlike, _)| *unlike).fold(f64::INFINITY, f64::min);
@@ -98,7 +98,7 @@ mod tests {
             (one.yaw_deg, one.pitch_deg, one.roll_deg, one.thrust_n),
             (other.yaw_deg, -other.pitch_deg, -other.roll_deg, other.thrust_n)
         );
-        assert!(table.rows().iter().any(|row| row.touches == Some(true)));
+        assert!(table.rows().iter().any(|row| row.touches() == Some(true)));
         // Between its rows.
         let between = table.about([35.0, 5.0]).at([35.0, 5.0]);
         let rows = [at(30.0, 0.0), at(30.0, 10.0), at(40.0, 0.0), at(40.0, 10.0)];

@@ -26,8 +26,15 @@ pub struct Row {
     pub rpm: [f64; 2],
     /// The attitude.
     pub attitude: Attitude,
-    /// Whether the flagella touch; `None` if the table does not say.
-    pub touches: Option<bool>,
+    /// Share of the time in which the flagella touch; `None` if the table does not say.
+    pub contact_share: Option<f64>,
+}
+
+impl Row {
+    /// Returns whether the flagella touch, if the table says so.
+    pub fn touches(&self) -> Option<bool> {
+        self.contact_share.map(|share| share > 0.0)
+    }
 }
 
 /// A table of steady states of one robot.
@@ -48,10 +55,10 @@ impl Table {
     /// [`AimError::TooSmall`].
     pub fn new(mut rows: Vec<Row>) -> Result<Self, AimError> {
         for i in 0..rows.len() {
-            let Row { rpm: [w1, w2], attitude, touches } = rows[i];
+            let Row { rpm: [w1, w2], attitude, contact_share } = rows[i];
             if rows.iter().all(|row| distance(row.rpm, [w2, w1]) > 1e-6) {
                 let attitude = Attitude { pitch_deg: -attitude.pitch_deg, roll_deg: -attitude.roll_deg, ..attitude };
-                rows.push(Row { rpm: [w2, w1], attitude, touches });
+                rows.push(Row { rpm: [w2, w1], attitude, contact_share });
             }
         }
         let range = |value: &dyn Fn(&Row) -> f64| {
@@ -85,9 +92,9 @@ impl Table {
         self.thrust_step_n
     }
 
-    /// Returns whether the flagella touch at the row nearest to these speeds.
-    pub fn touches(&self, rpm: [f64; 2]) -> bool {
-        self.next_to(rpm, 1).into_iter().any(|(_, row)| self.rows[row].touches == Some(true))
+    /// Returns the share of contact at the row nearest to these speeds, 0 if the table does not say.
+    pub fn contact_share(&self, rpm: [f64; 2]) -> f64 {
+        self.next_to(rpm, 1).first().and_then(|(_, row)| self.rows[*row].contact_share).unwrap_or(0.0)
     }
 
     /// Returns the rows that are nearer to the target than all rows next to them, the nearest one first.

@@ -23,7 +23,7 @@
 //! While a limit holds, the integral stands still, so that it does not wind up.
 
 use super::{Means, Observation, SteerError, Wanted};
-use crate::aim::{Nearest, Quantity, Table, Target, nearest};
+use crate::aim::{Nearest, Quantity, STEEPEST_RPM, Table, Target, nearest};
 use nalgebra::{DMatrix, Matrix2, Vector2};
 use protocol::units::CentiRpm;
 
@@ -33,15 +33,12 @@ const RESPONSE_S: f64 = 8.0;
 /// Fastest change of a speed, rpm/s.
 const SLEW_RPM_S: f64 = 30.0;
 
-/// Largest change of the speeds for a degree, rpm.
-const STEEPEST_RPM: f64 = 40.0;
-
 /// Largest error of the table with which an attitude is within reach, degrees.
 const WITHIN_REACH_DEG: f64 = 3.0;
 
-/// Lags τ of mean yaw and pitch behind the speeds, s: those of the robot `physical` from rest to 48.8 and 10.46 rpm. The base
+/// Lags τ of mean yaw and pitch behind the set-points, s: those of the robot `physical` from rest to 48.8 and 10.46 rpm. The base
 /// follows its motors faster than it returns to rest without them, when flagella at rest hold it back.
-const LAGS_S: [f64; 2] = [2.5, 5.0];
+const LAGS_S: [f64; 2] = [1.6, 5.3];
 
 /// What the controller knows about the robot: the speeds of an attitude, and what a change of them does.
 #[derive(Clone, PartialEq, Debug)]

@@ -9,6 +9,7 @@ mod batch;
 mod board;
 mod error;
 mod motion;
+mod motors;
 mod phases;
 mod steered;
 mod trial;
@@ -16,8 +17,9 @@ mod trial;
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;
+pub use motors::{MOTOR_S, Motors};
 pub use phases::{PhaseMeans, note_on_phases, note_on_unknown_angles};
-pub use steered::{DELAY_S, MOTOR_S, Steered, SteeredError, steer};
+pub use steered::{DELAY_S, Steered, SteeredError, steer};
 pub use trial::{Course, write_log};
 
 use crate::plan::Plan;

@@ -1,6 +1,7 @@
 //! A steered trial in the model, with the delay of a rig and the ramp of its motors.
 
 use super::board::IdealBoard;
+use super::motors::Motors;
 use super::{Model, ModelError};
 use crate::plan::{Phase, Plan, Setpoint, Trial, board};
 use crate::run;
@@ -19,11 +20,6 @@ use thiserror::Error;
 /// Time from an observation to the set-point in force: half a tick and the next one (2.5 + 5 ms), the frame and the
 /// request on the line (1.6 ms), and USB with its default timer of 16 ms, on average half of it.
 pub const DELAY_S: f64 = 0.020;
-
-/// Time for which a motor falls behind the angle of a target that jumps, s. Then it is faster than the target until it has made
-/// that up: the board's motors follow an angle. On the emulated board flagella that start to 50 rpm fall behind for 0.35 s,
-/// those that start to 10 rpm for 0.27 s.
-pub const MOTOR_S: f64 = 0.33;
 
 const PERIOD_S: f64 = PERIOD_US as f64 * 1e-6;
 
@@ -90,10 +86,7 @@ struct Run<'a> {
     board: IdealBoard,
     kept: run::Recorder,
     tally: Tally,
-    /// Speeds of the shafts, rad/s.
-    speeds: [f64; 2],
-    /// How far the shafts are behind the angles of their targets, rad.
-    behind: [f64; 2],
+    motors: Motors,
     /// The set-point in force.
     target: [CentiRpm; 2],
     /// Time and rate of the last sample.
@@ -123,8 +116,7 @@ impl<'a> Run<'a> {
             board,
             kept,
             tally: Tally::default(),
-            speeds: [0.0; 2],
-            behind: [0.0; 2],
+            motors: Motors::default(),
             target: [CentiRpm(0); 2],
             last: None,
             index: 0,
@@ -159,20 +151,11 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Extends the motion to a time. A shaft follows the angle of its target with critical damping: with e, how far it is
-    /// behind, e'' + 2 e'/T + e/T² = 0 between two set-points.
+    /// Extends the motion to a time.
     fn turn(&mut self, until_s: f64, passed_s: f64) -> Result<(), ModelError> {
-        let left = (-passed_s / MOTOR_S).exp();
-        for k in 0..2 {
-            let (target, before) = (self.target[k].rad_per_s(), self.speeds[k]);
-            let slower = target - before;
-            let share = (slower + self.behind[k] / MOTOR_S) * passed_s / MOTOR_S;
-            self.speeds[k] = target - (slower - share) * left;
-            // As the motion has it, whose speeds are linear.
-            self.behind[k] += (target - 0.5 * (before + self.speeds[k])) * passed_s;
-        }
+        let speeds = self.motors.turn(self.target.map(CentiRpm::rad_per_s), passed_s);
         let failed = |error| ModelError::Profile { trial: self.name.to_owned(), error };
-        self.robot.extend(until_s, self.speeds).map_err(failed)
+        self.robot.extend(until_s, speeds).map_err(failed)
     }
 
     /// Records the samples up to the end of the motion.
