@@ -14,8 +14,25 @@ pub struct Course {
     pub pilot: Pilot,
     /// The plan, with one trial. Its speeds are the feed-forward.
     pub plan: Plan,
-    /// Tilt at these speeds by the table.
+    /// What the table says about these speeds.
+    pub expected: Expected,
+}
+
+/// What a table says about the feed-forward.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    /// Tilt of the robot.
     pub tilt_deg: f64,
+    /// Whether the built-in controller holds an attitude in which the flagella touch.
+    pub touches: bool,
+}
+
+impl Expected {
+    /// Returns what to know before the run.
+    pub fn note(&self) -> Option<String> {
+        let note = "the flagella touch near these speeds, where the attitude jumps: it may not be reached or held";
+        self.touches.then(|| note.to_owned())
+    }
 }
 
 impl Course {
@@ -26,11 +43,11 @@ impl Course {
     pub fn new(args: &Args, robot: RobotFile) -> miette::Result<Self> {
         let of_robot = robot.parse()?;
         let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &of_robot))?;
-        let (wanted, pilot, rpm, tilt_deg) = match &args.policy {
+        let (wanted, rpm, expected, pilot) = match &args.policy {
             None => {
                 let map = Map::of_table(&table, args.yaw, args.pitch)?;
-                let (wanted, rpm, tilt_deg) = (map.wanted, map.rpm, map.tilt_deg);
-                (wanted, Pilot::of(Controller::new(map)), rpm, tilt_deg)
+                let expected = Expected { tilt_deg: map.tilt_deg, touches: map.touches };
+                (map.wanted, map.rpm, expected, Pilot::of(Controller::new(map)))
             }
             Some(command) => {
                 let target = Target::new([(Quantity::Yaw, Some(args.yaw)), (Quantity::Pitch, Some(args.pitch))])?;
@@ -39,11 +56,11 @@ impl Course {
                 let wanted = Wanted { yaw_deg: args.yaw, pitch_deg: args.pitch };
                 let own = command == "-";
                 let pilot = Pilot::Policy(if own { Policy::own(patience) } else { Policy::start(command, patience)? });
-                (wanted, pilot, nearest.rpm, nearest.attitude.tilt_deg())
+                (wanted, nearest.rpm, Expected { tilt_deg: nearest.attitude.tilt_deg(), touches: false }, pilot)
             }
         };
         let plan = Plan { robot, ..plan(args, rpm)? };
-        Ok(Self { wanted, pilot, plan, tilt_deg })
+        Ok(Self { wanted, pilot, plan, expected })
     }
 }
 

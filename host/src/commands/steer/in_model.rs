@@ -1,6 +1,7 @@
 //! Steers the model.
 
 use super::Ran;
+use super::course::Expected;
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::run::model::{self, Model, ModelError, SteeredError};
@@ -20,6 +21,7 @@ pub fn steer(
     plan: &Plan,
     folder: &Path,
     (steering, meta): (&mut Steering, &SteerMeta),
+    expected: &Expected,
     interrupted: &AtomicBool,
 ) -> miette::Result<(PathBuf, Ran)> {
     let model = Model::of_plan(plan, Closure::Full, Options { rate_hz: RATE_HZ, shapes: false })?;
@@ -28,6 +30,7 @@ pub fn steer(
     let trial = &plan.trials[0];
     let (attempt, path) = session.next_attempt(trial)?;
     let progress = Progress::new(trial.phases.run_s);
+    expected.note().iter().for_each(|note| progress.line(&format!("note: {note}")));
     progress.phase(&trial.name, "model");
     let goes_on = |time_s: f64| {
         progress.within(time_s);

@@ -33,16 +33,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return answer;
     }
     let interrupted = interruption()?;
-    let Course { wanted, pilot, plan, tilt_deg } = Course::new(args, robot::load(&args.robot)?)?;
+    let Course { wanted, pilot, plan, expected } = Course::new(args, robot::load(&args.robot)?)?;
     let policy = args.policy.clone().unwrap_or_default();
     let meta = SteerMeta { yaw_deg: wanted.yaw_deg, pitch_deg: wanted.pitch_deg, rate_hz: RATE_HZ, policy };
     let mut steering = Steering::new(wanted, pilot);
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let to_steer = (&mut steering, &meta);
     let ran = if args.model {
-        in_model::steer(&plan, &folder, to_steer, &interrupted)
+        in_model::steer(&plan, &folder, to_steer, &expected, &interrupted)
     } else {
-        rig::steer(args, &plan, &folder, to_steer, tilt_deg, &interrupted)
+        rig::steer(args, &plan, &folder, to_steer, &expected, &interrupted)
     };
     let (log, ran) = match ran {
         Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
@@ -63,7 +63,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         latency_p99_s: ran.tally.latency_s(0.99),
         budget: zeroed.angles().map(|angles| angles.budget).unwrap_or_default(),
         findings: findings(&data, &zeroed),
-        notes: ran.notes,
+        notes: expected.note().into_iter().chain(ran.notes).collect(),
     };
     if let Some(report) = &ran.error {
         return Answer::failed(&steered, report);

@@ -1,6 +1,7 @@
 //! Steers the robot on the rig, or on the emulated board.
 
 use super::super::{board_sensor, record, settings, virtual_board};
+use super::course::Expected;
 use super::{Args, Ran};
 use crate::link::{self, Link};
 use crate::plan::{Plan, board};
@@ -26,7 +27,7 @@ pub fn steer(
     plan: &Plan,
     folder: &Path,
     (steering, meta): (&mut Steering, &SteerMeta),
-    tilt_deg: f64,
+    expected: &Expected,
     interrupted: &AtomicBool,
 ) -> miette::Result<(PathBuf, Ran)> {
     let nano = if args.r#virtual { Some(start_virtual(args, plan)?) } else { None };
@@ -60,8 +61,9 @@ pub fn steer(
     let Wanted { yaw_deg, pitch_deg } = steering.wanted();
     progress.line(&format!("to hold: yaw {yaw_deg}°, pitch {pitch_deg}°, for {} s", trial.phases.run_s));
     let (rest_s, run_s) = (trial.phases.preroll_s.max(1.0), trial.phases.run_s);
-    note_of_sensor.iter().for_each(|note| progress.line(&format!("note: {note}")));
-    let error = yaw_error(&Sensor::of(plan.sensor.as_ref()), [yaw_deg, tilt_deg], rest_s, run_s);
+    let notes = note_of_sensor.into_iter().chain(expected.note());
+    notes.for_each(|note| progress.line(&format!("note: {note}")));
+    let error = yaw_error(&Sensor::of(plan.sensor.as_ref()), [yaw_deg, expected.tilt_deg], rest_s, run_s);
     progress.line(&format!(
         "the yaw comes from the gyroscope: after {run_s} s it may be off by {error}; rest alone shows its drift"
     ));

@@ -49,6 +49,8 @@ pub struct Map {
     pub rpm: [f64; 2],
     /// Angle between the robot's axis and the vertical.
     pub tilt_deg: f64,
+    /// Whether the flagella touch at the nearest speeds of the table.
+    pub touches: bool,
     /// Change of the speeds for a degree of yaw and of pitch, rpm.
     inverse: Matrix2<f64>,
 }
@@ -60,7 +62,7 @@ impl Map {
     /// [`SteerError::OutOfReach`], and [`SteerError::Aim`] for a yaw or pitch that no robot can have.
     pub fn of_table(table: &Table, yaw_deg: f64, pitch_deg: f64) -> Result<Self, SteerError> {
         let target = Target::new([(Quantity::Yaw, Some(yaw_deg)), (Quantity::Pitch, Some(pitch_deg))])?;
-        let Nearest { rpm, attitude, error_deg, derivatives } = nearest(table, &target)?;
+        let Nearest { rpm, attitude, error_deg, contact_share, derivatives } = nearest(table, &target)?;
         if error_deg > WITHIN_REACH_DEG {
             return Err(SteerError::OutOfReach { yaw_deg, pitch_deg, error_deg, rpm });
         }
@@ -69,6 +71,7 @@ impl Map {
             wanted: Wanted { yaw_deg: yaw_deg + 360.0 * turns, pitch_deg },
             rpm,
             tilt_deg: attitude.tilt_deg(),
+            touches: contact_share > 0.0,
             inverse: inverse(&derivatives),
         })
     }
@@ -145,7 +148,7 @@ mod tests {
     fn map() -> Map {
         let derivatives = DMatrix::from_row_slice(2, 2, &[-1.0, -1.0, -0.1, 0.1]);
         let inverse = inverse(&derivatives);
-        Map { wanted: WANTED, rpm: [50.0, 10.0], tilt_deg: 6.0, inverse }
+        Map { wanted: WANTED, rpm: [50.0, 10.0], tilt_deg: 6.0, touches: false, inverse }
     }
 
     /// Steers a robot of first order whose map is `gain` of the expected one. Returns mean yaw and pitch over time.

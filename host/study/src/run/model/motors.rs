@@ -26,13 +26,13 @@ impl Motors {
     /// while the target lasts.
     pub fn turn(&mut self, target: [f64; 2], passed_s: f64) -> [f64; 2] {
         let left = (-passed_s / MOTOR_S).exp();
-        for k in 0..2 {
-            let before = self.speeds[k];
-            let slower = target[k] - before;
-            let share = (slower + self.behind[k] / MOTOR_S) * passed_s / MOTOR_S;
-            self.speeds[k] = target[k] - (slower - share) * left;
+        for ((speed, behind), target) in self.speeds.iter_mut().zip(&mut self.behind).zip(target) {
+            let before = *speed;
+            let slower = target - before;
+            let share = (slower + *behind / MOTOR_S) * passed_s / MOTOR_S;
+            *speed = target - (slower - share) * left;
             // As the motion has it, whose speeds are linear.
-            self.behind[k] += (target[k] - 0.5 * (before + self.speeds[k])) * passed_s;
+            *behind += (target - 0.5 * (before + *speed)) * passed_s;
         }
         self.speeds
     }
