@@ -195,6 +195,7 @@ fn commands_of_the_tutorial() {
 }
 
 #[test]
+#[ignore = "a minute of the emulated board: part of `make proof`"]
 fn commands_of_a_robot_of_your_own() {
     assert_eq!(Reader::new().follow("own-robot.md"), 8);
 }
@@ -206,6 +207,7 @@ fn commands_at_the_bench() {
 }
 
 #[test]
+#[ignore = "a minute of the emulated board: part of `make proof`"]
 fn commands_that_measure_the_sensor() {
     assert!(Reader::new().follow("sensor.md") >= 6);
 }

@@ -21,6 +21,7 @@ fn attitude(log: &Path) -> Series {
 }
 
 #[test]
+#[ignore = "a minute of the emulated board: part of `make proof`"]
 fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let bench = Bench::new();
     let plan = bench.file(
