@@ -169,6 +169,22 @@ fn a_broken_byte_costs_its_slot_and_never_tells_a_wrong_position() {
 }
 
 #[test]
+fn a_memory_that_takes_no_more_writes_keeps_the_motors_waiting_for_a_ninth_of_a_second() {
+    let mut board = Board::aligned();
+    board.turn([300, -471]);
+    let before = *board.memory.writes.borrow();
+    board.memory = board.memory.cut_after(0, End::Untouched);
+    board.at_rest = false;
+    assert_eq!((board.write_out(), board.positions.may_change()), (22, true));
+    // Two writes for each byte of the slot, and none beside it.
+    let slot = address_of(9)..address_of(10);
+    let writes = board.memory.writes.borrow();
+    for (address, (writes, before)) in (0..).zip(writes.iter().zip(before)) {
+        assert_eq!(writes - before, if slot.contains(&address) { 2 } else { 0 }, "{address}");
+    }
+}
+
+#[test]
 fn two_records_are_none() {
     let mut board = Board::aligned();
     board.turn([1, 2]);
