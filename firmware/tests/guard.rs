@@ -312,6 +312,34 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
     }
 }
 
+#[test]
+fn an_encoder_at_fault_loses_the_positions_and_a_stalled_motor_keeps_them() {
+    let are_known = |bench: &mut Bench| {
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        info.angles_known
+    };
+    for second in [false, true] {
+        for (motor, is_known) in
+            [(Motor { cut: true, ..Motor::new() }, false), (Motor { load: 1e-9, ..Motor::new() }, true)]
+        {
+            let mut bench = bench();
+            assert_eq!(bench.ask(Command::Align), Reply::Done);
+            order(&mut bench, [61.7, -53.4]);
+            let (fault, _) = run(&mut bench, &mut pair(motor, second), 5.0);
+            assert_eq!((fault != Fault::None, are_known(&mut bench)), (true, is_known), "{fault:?}");
+        }
+        let mut bench = bench();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        let filter = &mut bench.encoders[usize::from(second)].filter;
+        for count in 0..40 {
+            filter.feed(count % 2 == 0, robot::clock(bench.now + 10 * count), || false);
+        }
+        assert!(are_known(&mut bench));
+        bench.tick();
+        assert!(!are_known(&mut bench), "a noisy encoder may have missed a motion");
+    }
+}
+
 /// Returns the first tick, from 1, in which a motor with a duty of 50 and a target of 80 rpm is at fault, and the fault. A
 /// tick is its speed in hundredths of rpm, its edges, and the change of its position.
 fn first_fault(moving_duty: u8, ticks: impl IntoIterator<Item = (i16, u8, i8)>) -> Option<(usize, Fault)> {

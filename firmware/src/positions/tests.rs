@@ -151,6 +151,24 @@ fn records_wear_the_memory_evenly_and_leave_the_rest_of_it_alone() {
     assert_eq!(slots.iter().max(), Some(&(2 * TURNS / u32::from(SLOTS) + 1)));
 }
 
+/// As on a bench where the power goes in every trial: each start has new marks, and a record until its first turn.
+#[test]
+fn starts_without_known_positions_wear_the_memory_evenly_too() {
+    let mut memory = Memory::blank();
+    for start in 0..=255 {
+        let mut positions = Positions::default();
+        assert_eq!(positions.open(&mut memory, start), None);
+        positions.align();
+        for at_rest in [true, false] {
+            assert!((0..40).any(|_| !positions.step(&mut memory, &[EncoderCounts(0); 2], at_rest)));
+        }
+    }
+    let writes = memory.writes.borrow();
+    let of_valid = (0..SLOTS).map(|slot| writes[usize::from(address_of(slot)) + RECORD]);
+    // 256 of 52 slots, both ways.
+    assert!(of_valid.into_iter().all(|writes| (8..=10).contains(&writes)));
+}
+
 #[test]
 fn a_broken_byte_costs_its_slot_and_never_tells_a_wrong_position() {
     for byte in 0..SLOT {

@@ -238,3 +238,17 @@ fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     bench.ticks_alive(40);
     assert!(!known_after_a_cut(&bench).0);
 }
+
+#[test]
+fn new_settings_keep_the_positions_unless_an_encoder_counts_the_other_way() {
+    for (encoder_reversed, are_known) in [([false; 2], true), ([true, false], false), ([false, true], false)] {
+        let mut bench = streaming();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        bench.ticks(40);
+        let settings = Settings { encoder_reversed, motor_reversed: [false, true], ..Settings::DEFAULT };
+        assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+        bench.ticks(40);
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        assert_eq!(info.angles_known, are_known, "{encoder_reversed:?}");
+    }
+}
