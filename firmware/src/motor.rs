@@ -312,6 +312,27 @@ mod tests {
         assert!((missed.lag - 6 * count).abs() < count / 10, "{} of {count}", missed.lag);
     }
 
+    #[test]
+    fn a_motor_that_keeps_its_speed_keeps_its_duty_between_its_edges() {
+        let (gains, count) = (Gains { kp: 1.0, ki: 0.0 }, count_in_ticks(602.22));
+        for target in [437, -437, 1263].map(CentiRpm) {
+            let (mut control, mut position) = (SpeedControl::default(), 0);
+            let duties = (0..400).map(|_| {
+                let duty = control.duty(target, target, gains);
+                let before: i32 = position / count;
+                position += i32::from(target.0) * PARTS;
+                let motion = Motion { counts: (position / count - before) as i8, speed: target, ..Motion::default() };
+                control.follow(target, 0, &motion, count);
+                duty.0
+            });
+            let duties: Vec<_> = duties.skip(20).collect();
+            let [least, most] = [duties.iter().min(), duties.iter().max()].map(Option::unwrap);
+            // An edge may have come at any time of its tick.
+            let tick = (i32::from(target.0) * PARTS >> CATCH_UP).abs();
+            assert!(i32::from(most - least) <= tick + 1, "{least} to {most} at {target:?}");
+        }
+    }
+
     /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms, and its encoder.
     fn simulate(control: &mut SpeedControl, speed: &mut f64, target: CentiRpm, rpm_per_step: f64, ticks: u32) -> i16 {
         let (mut duty, mut position, count) = (Duty(0), 0.0f64, count_in_ticks(602.22));

@@ -212,18 +212,20 @@ fn a_schedule_that_waits_for_its_start_watches_the_link() {
     assert_eq!((bench.look().fault, bench.look().phase), (Fault::LinkLost, 0));
 }
 
+/// Returns whether a board knows the positions that starts after a loss of power now, and those positions.
+fn known_after_a_cut(bench: &Bench) -> (bool, [i32; 2]) {
+    let world = World::new();
+    let eeprom = bench.world.change(|state| state.eeprom);
+    world.change(|state| state.eeprom = eeprom);
+    let mut later = Bench::start(world, Start::default());
+    let Reply::Info(info) = later.ask(Command::Hello) else { panic!() };
+    (info.angles_known, info.encoder.map(|position| position.0))
+}
+
 #[test]
 fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     let mut bench = streaming();
     assert_eq!(bench.ask(Command::Align), Reply::Done);
-    let known_after_a_cut = |bench: &Bench| {
-        let world = World::new();
-        let eeprom = bench.world.change(|state| state.eeprom);
-        world.change(|state| state.eeprom = eeprom);
-        let mut later = Bench::start(world, Start::default());
-        let Reply::Info(info) = later.ask(Command::Hello) else { panic!() };
-        (info.angles_known, info.encoder.map(|position| position.0))
-    };
     bench.ticks_alive(40);
     assert_eq!(known_after_a_cut(&bench), (true, [0, 0]));
     // Before the first motion of a trial, so that it can begin in time.
@@ -237,6 +239,43 @@ fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     bench.speed = [2, -1];
     bench.ticks_alive(40);
     assert!(!known_after_a_cut(&bench).0);
+}
+
+#[test]
+fn positions_are_not_known_while_a_hand_turns_a_shaft() {
+    for motor in [0, 1] {
+        let mut bench = streaming();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        bench.ticks(40);
+        bench.speed[motor] = -1;
+        bench.ticks(20);
+        bench.speed[motor] = 0;
+        bench.ticks(180);
+        assert!(!known_after_a_cut(&bench).0, "it may turn on");
+        bench.ticks(60);
+        let mut turned = [0; 2];
+        turned[motor] = -20;
+        assert_eq!(known_after_a_cut(&bench), (true, turned));
+    }
+}
+
+#[test]
+fn a_turn_that_arrives_in_motion_brakes_until_both_shafts_rest() {
+    let mut bench = running();
+    bench.ticks_alive(30);
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    bench.speed = [1, -1];
+    let [first, second] = bench.look().encoder.map(|position| position.0);
+    let position = [first + 2, second - 2].map(EncoderCounts);
+    assert_eq!(bench.ask(Command::TurnTo { position, speed: CentiRpm(965) }), Reply::Done);
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.target), (State::Running, OFF));
+    assert!(frame.duty[0].0 < 0 && frame.duty[1].0 > 0, "{:?}", frame.duty);
+    bench.speed = [0, 0];
+    bench.ticks_alive(180);
+    assert_eq!(bench.look().state, State::Running);
+    bench.ticks_alive(40);
+    assert!(bench.world.is_off() && bench.look().state == State::Idle);
 }
 
 #[test]
