@@ -35,7 +35,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     #[inline(never)]
     fn apply(&mut self, duty: i16) {
         // The low one first: both high would brake. The pins of a microcontroller cannot fail.
-        let ([in1, in2], forwards) = (&mut self.inputs, duty > 0);
+        let ([in1, in2], forwards) = (&mut self.inputs, duty.is_positive());
         let (first, second) = if forwards { (in2, in1) } else { (in1, in2) };
         first.set_low().ok();
         second.set_state(PinState::from(duty != 0)).ok();
@@ -142,7 +142,7 @@ impl SpeedControl {
         self.lag = within(self.lag + target * PARTS, MAX_LAG);
         let error = (target + catch_up - i32::from(speed.0)) as f32;
         // No duty against the target lasts: what is left from before a reversal goes at once.
-        if self.integral.is_sign_negative() != (target < 0) {
+        if self.integral.is_sign_negative() != target.is_negative() {
             self.integral = 0.0;
         }
         let integral = self.integral + gains.ki * error;
