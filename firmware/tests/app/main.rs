@@ -12,7 +12,9 @@ use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use firmware::app::Start;
 use firmware::link::{Link, Outbox};
 use protocol::frame::{MAX_FRAME, encode};
-use protocol::units::{AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, SensorCounts};
+use protocol::units::{
+    AccelRange, AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, Quaternion, SensorCounts,
+};
 use protocol::{
     Calibration, Command, Fault, FaultRecord, MAX_DRIVE_MS, Refusal, Reply, ResetCause, SetPoint, Settings, State,
     VERSION,
@@ -135,6 +137,23 @@ fn the_attitude_follows_a_turn_and_the_axes_of_the_settings() {
     let yaw = 2.0 * z.atan2(w).to_degrees();
     assert_eq!(start.attitude.to_f64()[0].round(), 1.0);
     assert!((yaw - 90.0).abs() < 0.2 && x.abs() < 1e-3 && y.abs() < 1e-3, "{yaw}");
+}
+
+#[test]
+fn there_is_no_attitude_from_new_settings_until_a_reading() {
+    let mut bench = streaming();
+    // Tilted by 30 degrees.
+    bench.world.set_sample([0, 8192, 14_189], [0, 0, 1]);
+    let settings = Settings { board_id: 3, ..Settings::DEFAULT };
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    let levelled = bench.look().attitude;
+    assert!((levelled.to_f64()[1] - 15f64.to_radians().sin()).abs() < 1e-3, "{levelled:?}");
+    // The sensor is set up again.
+    let settings = Settings { gyro_range: GyroRange::Dps500, ..settings };
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    assert_eq!(bench.look().attitude, Quaternion::IDENTITY);
+    bench.ticks(35);
+    assert_eq!(bench.look().attitude, levelled);
 }
 
 #[test]
