@@ -271,6 +271,16 @@ fn drives_heat_the_winding_that_they_drive() {
     }
 }
 
+/// A drive tests the wiring, and takes a speed for one in the direction of its duty.
+#[test]
+fn a_free_motor_with_swapped_encoder_leads_is_not_overloaded_by_drives() {
+    let mut guard = Guard::default();
+    let motion = Motion { speed: CentiRpm(-8137), edges: 4, counts: -4, glitches: 0 };
+    for _ in 0..2000 {
+        assert_ne!(guard.check(Duty(190), CentiRpm(0), &motion, 100)[0], Fault::Motor1Overloaded);
+    }
+}
+
 #[test]
 fn one_open_loop_drive_is_watched_for_noise_only() {
     let wrong = || Motor { swapped: true, ..Motor::new() };
