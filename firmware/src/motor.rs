@@ -328,7 +328,7 @@ mod tests {
             let duties: Vec<_> = duties.skip(20).collect();
             let [least, most] = [duties.iter().min(), duties.iter().max()].map(Option::unwrap);
             // An edge may have come at any time of its tick.
-            let tick = (i32::from(target.0) * PARTS >> CATCH_UP).abs();
+            let tick = (i32::from(target.0).abs() * PARTS) >> CATCH_UP;
             assert!(i32::from(most - least) <= tick + 1, "{least} to {most} at {target:?}");
         }
     }
