@@ -289,7 +289,7 @@ where
         self.gap.push(&self.telemetry.gyro, &self.gyro_before, ticks);
         let bias = &self.settings.gyro_bias;
         let mut half_turn = gap::unbiased(&self.telemetry.gyro, bias);
-        let is_gap = ticks > 1 && self.attitude.has_started();
+        let is_gap = ticks > 1;
         if is_gap {
             gap::bridge(&mut half_turn, &mut gap::unbiased(&self.gyro_before, bias), ticks);
         }

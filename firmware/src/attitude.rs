@@ -101,11 +101,6 @@ impl Attitude {
         }
     }
 
-    /// Returns whether it has an attitude to advance from.
-    pub fn has_started(&self) -> bool {
-        self.started
-    }
-
     /// Resets the filter.
     pub fn restart(&mut self) {
         *self = Self::default();

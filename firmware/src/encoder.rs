@@ -132,7 +132,7 @@ impl Filter {
             if self.step == 0 {
                 // The clock wraps in 33 ms: a spike that an edge follows so late may misdate it by a thousandth of that.
                 let distance = time.wrapping_sub(self.cancelled);
-                if distance < u16::from(self.distance) {
+                if u16::from(self.distance) > distance {
                     began = began.wrapping_sub(distance).wrapping_sub(u16::from(self.distance));
                 }
                 self.distance = 0;

@@ -28,7 +28,7 @@
 //!
 //! `make mutants` changes each operator, return value, match arm and condition of this library and of `protocol`, one at a
 //! time, and prints each change that their tests do not notice. `.cargo/mutants.toml` lists what it leaves out, with the
-//! reasons: the registers (`board/`, `main.rs`), which the emulated board tests, and five changes that nobody can notice.
+//! reasons: the registers (`board/`, `main.rs`), which the emulated board tests, and the changes that nobody can notice.
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

@@ -35,7 +35,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     #[inline(never)]
     fn apply(&mut self, duty: i16) {
         // The low one first: both high would brake. The pins of a microcontroller cannot fail.
-        let ([in1, in2], forwards) = (&mut self.inputs, duty > 0);
+        let ([in1, in2], forwards) = (&mut self.inputs, duty.is_positive());
         let (first, second) = if forwards { (in2, in1) } else { (in1, in2) };
         first.set_low().ok();
         second.set_state(PinState::from(duty != 0)).ok();
@@ -142,7 +142,7 @@ impl SpeedControl {
         self.lag = within(self.lag + target * PARTS, MAX_LAG);
         let error = (target + catch_up - i32::from(speed.0)) as f32;
         // No duty against the target lasts: what is left from before a reversal goes at once.
-        if self.integral.is_sign_negative() != (target < 0) {
+        if self.integral.is_sign_negative() != target.is_negative() {
             self.integral = 0.0;
         }
         let integral = self.integral + gains.ki * error;
@@ -310,6 +310,27 @@ mod tests {
         kept.follow(CentiRpm(500), 0, &Motion { counts: 1, speed: CentiRpm(500), ..motion(0) }, count);
         assert_eq!(kept.since, 250 * PARTS - (count >> 1));
         assert!((missed.lag - 6 * count).abs() < count / 10, "{} of {count}", missed.lag);
+    }
+
+    #[test]
+    fn a_motor_that_keeps_its_speed_keeps_its_duty_between_its_edges() {
+        let (gains, count) = (Gains { kp: 1.0, ki: 0.0 }, count_in_ticks(602.22));
+        for target in [437, -437, 1263].map(CentiRpm) {
+            let (mut control, mut position) = (SpeedControl::default(), 0);
+            let duties = (0..400).map(|_| {
+                let duty = control.duty(target, target, gains);
+                let before: i32 = position / count;
+                position += i32::from(target.0) * PARTS;
+                let motion = Motion { counts: (position / count - before) as i8, speed: target, ..Motion::default() };
+                control.follow(target, 0, &motion, count);
+                duty.0
+            });
+            let duties: Vec<_> = duties.skip(20).collect();
+            let [least, most] = [duties.iter().min(), duties.iter().max()].map(Option::unwrap);
+            // An edge may have come at any time of its tick.
+            let tick = (i32::from(target.0).abs() * PARTS) >> CATCH_UP;
+            assert!(i32::from(most - least) <= tick + 1, "{least} to {most} at {target:?}");
+        }
     }
 
     /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms, and its encoder.

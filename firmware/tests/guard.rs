@@ -271,6 +271,16 @@ fn drives_heat_the_winding_that_they_drive() {
     }
 }
 
+/// A drive tests the wiring, and takes a speed for one in the direction of its duty.
+#[test]
+fn a_free_motor_with_swapped_encoder_leads_is_not_overloaded_by_drives() {
+    let mut guard = Guard::default();
+    let motion = Motion { speed: CentiRpm(-8137), edges: 4, counts: -4, glitches: 0 };
+    for _ in 0..2000 {
+        assert_ne!(guard.check(Duty(190), CentiRpm(0), &motion, 100)[0], Fault::Motor1Overloaded);
+    }
+}
+
 #[test]
 fn one_open_loop_drive_is_watched_for_noise_only() {
     let wrong = || Motor { swapped: true, ..Motor::new() };
@@ -309,6 +319,34 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
             let glitches = bench.look().glitches.0;
             assert!((38..=40).contains(&glitches), "{glitches}");
         }
+    }
+}
+
+#[test]
+fn an_encoder_at_fault_loses_the_positions_and_a_stalled_motor_keeps_them() {
+    let are_known = |bench: &mut Bench| {
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        info.angles_known
+    };
+    for second in [false, true] {
+        for (motor, is_known) in
+            [(Motor { cut: true, ..Motor::new() }, false), (Motor { load: 1e-9, ..Motor::new() }, true)]
+        {
+            let mut bench = bench();
+            assert_eq!(bench.ask(Command::Align), Reply::Done);
+            order(&mut bench, [61.7, -53.4]);
+            let (fault, _) = run(&mut bench, &mut pair(motor, second), 5.0);
+            assert_eq!((fault != Fault::None, are_known(&mut bench)), (true, is_known), "{fault:?}");
+        }
+        let mut bench = bench();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        let filter = &mut bench.encoders[usize::from(second)].filter;
+        for count in 0..40 {
+            filter.feed(count % 2 == 0, robot::clock(bench.now + 10 * count), || false);
+        }
+        assert!(are_known(&mut bench));
+        bench.tick();
+        assert!(!are_known(&mut bench), "a noisy encoder may have missed a motion");
     }
 }
 

@@ -253,11 +253,25 @@ fn a_slower_sensor_has_no_new_sample_now_and_then_and_that_is_no_error() {
     bus.done();
 }
 
-/// Returns a new sample whose gyroscope reads zero.
-fn sample_without_rate(number: u8) -> Transaction {
+/// Returns a new sample with these counts of the gyroscope.
+fn sample_with_rate(number: u8, rate: [i16; 3]) -> Transaction {
     let mut bytes = bytes(number);
-    bytes[9..15].fill(0);
+    bytes[9..15].copy_from_slice(rate.map(i16::to_be_bytes).as_flattened());
     read(0x3A, &bytes)
+}
+
+#[test]
+fn a_rate_about_any_axis_is_that_of_a_sensor() {
+    // The least ones, and those that are zeros but for one byte.
+    let counts = [0, 1, -1, 256];
+    let rates = counts.into_iter().flat_map(|x| counts.map(|y| [x, y])).flat_map(|[x, y]| counts.map(|z| [x, y, z]));
+    let rates: Vec<_> = rates.filter(|rate| *rate != [0; 3]).collect();
+    let samples = (0..).zip(&rates).map(|(number, rate)| sample_with_rate(number, *rate));
+    let (mut imu, mut bus) = settled(&checked(samples));
+    for rate in rates {
+        assert_eq!(poll(&mut imu).map(|reading| reading.gyro), Some(rate.map(SensorCounts)));
+    }
+    bus.done();
 }
 
 /// A sensor at rest may repeat a sample exactly, which is used four times, or read a rate of zero, which is not used, but not for
@@ -268,7 +282,7 @@ fn samples_that_no_sensor_makes_are_no_readings_and_then_a_fault() {
     // The first of equal ones differs from that before.
     for (lifeless, readings, used) in [
         ((0..60).map(|_| sample(5)).collect::<Vec<_>>(), limit, 5),
-        ((0..60).map(sample_without_rate).collect(), limit - 1, 0),
+        ((0..60).map(|number| sample_with_rate(number, [0; 3])).collect(), limit - 1, 0),
     ] {
         let once = [lifeless[..readings].to_vec(), vec![sample(7)]].concat();
         let then = lifeless[..=readings].to_vec();

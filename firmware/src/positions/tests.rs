@@ -151,6 +151,24 @@ fn records_wear_the_memory_evenly_and_leave_the_rest_of_it_alone() {
     assert_eq!(slots.iter().max(), Some(&(2 * TURNS / u32::from(SLOTS) + 1)));
 }
 
+/// As on a bench where the power goes in every trial: each start has new marks, and a record until its first turn.
+#[test]
+fn starts_without_known_positions_wear_the_memory_evenly_too() {
+    let mut memory = Memory::blank();
+    for start in 0..=255 {
+        let mut positions = Positions::default();
+        assert_eq!(positions.open(&mut memory, start), None);
+        positions.align();
+        for at_rest in [true, false] {
+            assert!((0..40).any(|_| !positions.step(&mut memory, &[EncoderCounts(0); 2], at_rest)));
+        }
+    }
+    let writes = memory.writes.borrow();
+    let of_valid = (0..SLOTS).map(|slot| writes[usize::from(address_of(slot)) + RECORD]);
+    // 256 of 52 slots, both ways.
+    assert!(of_valid.into_iter().all(|writes| (8..=10).contains(&writes)));
+}
+
 #[test]
 fn a_broken_byte_costs_its_slot_and_never_tells_a_wrong_position() {
     for byte in 0..SLOT {
@@ -165,6 +183,22 @@ fn a_broken_byte_costs_its_slot_and_never_tells_a_wrong_position() {
         board.at_rest = false;
         board.write_out();
         assert_eq!((opened(&board.memory), board.positions.may_change()), (None, true), "{byte}");
+    }
+}
+
+#[test]
+fn a_memory_that_takes_no_more_writes_keeps_the_motors_waiting_for_a_ninth_of_a_second() {
+    let mut board = Board::aligned();
+    board.turn([300, -471]);
+    let before = *board.memory.writes.borrow();
+    board.memory = board.memory.cut_after(0, End::Untouched);
+    board.at_rest = false;
+    assert_eq!((board.write_out(), board.positions.may_change()), (22, true));
+    // Two writes for each byte of the slot, and none beside it.
+    let slot = address_of(9)..address_of(10);
+    let writes = board.memory.writes.borrow();
+    for (address, (writes, before)) in (0..).zip(writes.iter().zip(before)) {
+        assert_eq!(writes - before, if slot.contains(&address) { 2 } else { 0 }, "{address}");
     }
 }
 

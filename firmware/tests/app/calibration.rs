@@ -8,7 +8,9 @@ fn a_calibration_finds_the_bias_and_applies_it() {
     bench.world.set_sample([0, 0, 16384], [120, -35, 7]);
     assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms: 1000 }), Reply::Done);
     assert_eq!(bench.look().state, State::Calibrating);
-    for command in [Command::CalibrateGyro { duration_ms: 1000 }, Command::ReadCalibration, Command::SetSpeeds(TURN)] {
+    let turn = Command::TurnTo { position: [EncoderCounts(-700), EncoderCounts(451)], speed: CentiRpm(965) };
+    let again = Command::CalibrateGyro { duration_ms: 1000 };
+    for command in [again, Command::ReadCalibration, Command::SetSpeeds(TURN), turn] {
         assert_eq!(bench.ask(command), Reply::Refused(Refusal::Calibrating));
     }
     assert_eq!(bench.ask(Command::WriteSettings(Settings::DEFAULT)), Reply::Refused(Refusal::Calibrating));
@@ -66,7 +68,8 @@ fn settings_are_applied_but_not_while_the_motors_turn() {
 #[test]
 fn saved_settings_survive_a_reset_and_others_do_not() {
     let mut bench = Bench::new();
-    let settings = Settings { board_id: 5, deadline_ms: 750, ..Settings::DEFAULT };
+    let ranges = Settings { gyro_range: GyroRange::Dps1000, accel_range: AccelRange::G8, ..Settings::DEFAULT };
+    let settings = Settings { board_id: 5, deadline_ms: 750, low_pass: 4, ..ranges };
     bench.ask(Command::WriteSettings(settings));
     assert_eq!(bench.send(50, Command::SaveSettings), [], "the answer comes when it is done");
     assert_eq!(bench.send(50, Command::SaveSettings), []);
@@ -77,8 +80,10 @@ fn saved_settings_survive_a_reset_and_others_do_not() {
     let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
     assert!(info.settings_stored);
     bench.ask(Command::WriteSettings(Settings { board_id: 6, ..settings }));
+    bench.world.change(|state| state.registers[0x1A..0x1D].fill(0));
     let mut bench = Bench::start(bench.world, Start::default());
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
+    bench.world.change(|state| assert_eq!(state.registers[0x1A..0x1D], [4, 0b1_0000, 0b1_0000]));
     let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
     assert_eq!((info.settings_stored, info.boot_count, info.board_id), (true, 2, 5));
     // Reading the EEPROM does not count as hearing the host.

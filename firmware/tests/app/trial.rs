@@ -2,6 +2,8 @@
 
 use super::*;
 
+const DRIVE: Command = Command::Drive { duty: [Duty(60), Duty(-75)], duration_ms: 200 };
+
 /// Sends set-points of preroll, run, reversal, decay and end, 40 ticks each, and starts them 20 ticks from now.
 fn start_trial(bench: &mut Bench) {
     let reversed = TURN.map(|speed| CentiRpm(-speed.0));
@@ -38,7 +40,6 @@ fn a_trial_runs_by_the_boards_ticks_and_ends_by_itself() {
     assert_eq!(changes(&mut bench, 200), expected);
     assert!(bench.world.is_off());
     assert_eq!(bench.look().state, State::Idle);
-    // A stop, and a new speed, end what is reported of the schedule.
     assert_eq!(bench.ask(Command::Stop), Reply::Done);
     assert_eq!(bench.look().phase, 0);
 }
@@ -70,6 +71,8 @@ fn a_trial_excludes_other_orders_for_the_motors() {
         Command::SetPoint { index: 0, point },
         Command::StartSchedule { count: 1, at: Micros(bench.now) },
         Command::Drive { duty: [Duty(50); 2], duration_ms: 100 },
+        Command::TurnTo { position: [EncoderCounts(0); 2], speed: CentiRpm(965) },
+        Command::Align,
         Command::CalibrateGyro { duration_ms: 100 },
         Command::WriteSettings(Settings::DEFAULT),
     ] {
@@ -138,14 +141,31 @@ fn a_stop_ends_a_turn_to_positions() {
 }
 
 #[test]
-fn speeds_in_a_drive_outlast_it() {
-    let mut bench = streaming();
-    assert_eq!(bench.ask(Command::Drive { duty: [Duty(60), Duty(60)], duration_ms: 200 }), Reply::Done);
-    bench.ticks_alive(10);
-    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
-    bench.speed = [2, -1];
-    bench.ticks_alive(100);
-    assert_eq!((bench.look().state, bench.look().target), (State::Running, TURN));
+fn speeds_in_a_drive_or_a_turn_outlast_it() {
+    let position = [EncoderCounts(-700), EncoderCounts(451)];
+    for order in [DRIVE, Command::TurnTo { position, speed: CentiRpm(965) }] {
+        let mut bench = streaming();
+        assert_eq!(bench.ask(order), Reply::Done);
+        bench.ticks_alive(10);
+        assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+        bench.speed = [2, -1];
+        bench.ticks_alive(100);
+        assert_eq!((bench.look().state, bench.look().target), (State::Running, TURN), "{order:?}");
+    }
+}
+
+#[test]
+fn a_new_order_ends_what_is_told_of_the_trial_before() {
+    let position = [EncoderCounts(-700), EncoderCounts(451)];
+    let schedule = Command::StartSchedule { count: 5, at: Micros(2_000_000) };
+    for order in [Command::SetSpeeds(TURN), schedule, DRIVE, Command::TurnTo { position, speed: CentiRpm(965) }] {
+        let mut bench = streaming();
+        start_trial(&mut bench);
+        changes(&mut bench, 190);
+        assert_eq!((bench.look().state, bench.look().phase), (State::Idle, 4));
+        assert_eq!(bench.ask(order), Reply::Done);
+        assert_eq!(bench.look().phase, 0, "{order:?}");
+    }
 }
 
 #[test]
@@ -213,17 +233,50 @@ fn a_schedule_that_waits_for_its_start_watches_the_link() {
 }
 
 #[test]
+fn nothing_turns_a_motor_while_a_fault_is_latched() {
+    let mut bench = running();
+    bench.ticks(110);
+    bench.speed = [0, 0];
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+    let turn = Command::TurnTo { position: [EncoderCounts(-700), EncoderCounts(451)], speed: CentiRpm(965) };
+    for command in [Command::SetSpeeds(TURN), DRIVE, turn, Command::StartSchedule { count: 5, at: Micros(2_000_000) }] {
+        assert_eq!(bench.ask(command), Reply::Refused(Refusal::Faulted), "{command:?}");
+        bench.ticks(3);
+        assert!(bench.world.is_off());
+    }
+}
+
+#[test]
+fn marks_are_where_the_positions_are_zero() {
+    let mut bench = streaming();
+    bench.speed = [3, -2];
+    bench.ticks(10);
+    bench.speed = [0, 0];
+    bench.ticks(2);
+    assert_eq!(bench.look().encoder, [30, -20].map(EncoderCounts));
+    assert_eq!(bench.ask(Command::Align), Reply::Done);
+    assert_eq!(bench.look().encoder, [EncoderCounts(0); 2]);
+    bench.speed = [-1, 2];
+    bench.ticks(10);
+    bench.speed = [0, 0];
+    bench.ticks(2);
+    assert_eq!(bench.look().encoder, [-10, 20].map(EncoderCounts));
+}
+
+/// Returns whether a board knows the positions that starts after a loss of power now, and those positions.
+fn known_after_a_cut(bench: &Bench) -> (bool, [i32; 2]) {
+    let world = World::new();
+    let eeprom = bench.world.change(|state| state.eeprom);
+    world.change(|state| state.eeprom = eeprom);
+    let mut later = Bench::start(world, Start::default());
+    let Reply::Info(info) = later.ask(Command::Hello) else { panic!() };
+    (info.angles_known, info.encoder.map(|position| position.0))
+}
+
+#[test]
 fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     let mut bench = streaming();
     assert_eq!(bench.ask(Command::Align), Reply::Done);
-    let known_after_a_cut = |bench: &Bench| {
-        let world = World::new();
-        let eeprom = bench.world.change(|state| state.eeprom);
-        world.change(|state| state.eeprom = eeprom);
-        let mut later = Bench::start(world, Start::default());
-        let Reply::Info(info) = later.ask(Command::Hello) else { panic!() };
-        (info.angles_known, info.encoder.map(|position| position.0))
-    };
     bench.ticks_alive(40);
     assert_eq!(known_after_a_cut(&bench), (true, [0, 0]));
     // Before the first motion of a trial, so that it can begin in time.
@@ -237,4 +290,55 @@ fn positions_are_kept_at_rest_and_not_known_once_a_motor_turns() {
     bench.speed = [2, -1];
     bench.ticks_alive(40);
     assert!(!known_after_a_cut(&bench).0);
+}
+
+#[test]
+fn positions_are_not_known_while_a_hand_turns_a_shaft() {
+    for motor in [0, 1] {
+        let mut bench = streaming();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        bench.ticks(40);
+        bench.speed[motor] = -1;
+        bench.ticks(20);
+        bench.speed[motor] = 0;
+        bench.ticks(180);
+        assert!(!known_after_a_cut(&bench).0, "it may turn on");
+        bench.ticks(60);
+        let mut turned = [0; 2];
+        turned[motor] = -20;
+        assert_eq!(known_after_a_cut(&bench), (true, turned));
+    }
+}
+
+#[test]
+fn a_turn_that_arrives_in_motion_brakes_until_both_shafts_rest() {
+    let mut bench = running();
+    bench.ticks_alive(30);
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    bench.speed = [1, -1];
+    let [first, second] = bench.look().encoder.map(|position| position.0);
+    let position = [first + 2, second - 2].map(EncoderCounts);
+    assert_eq!(bench.ask(Command::TurnTo { position, speed: CentiRpm(965) }), Reply::Done);
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.target), (State::Running, OFF));
+    assert!(frame.duty[0].0 < 0 && frame.duty[1].0 > 0, "{:?}", frame.duty);
+    bench.speed = [0, 0];
+    bench.ticks_alive(180);
+    assert_eq!(bench.look().state, State::Running);
+    bench.ticks_alive(40);
+    assert!(bench.world.is_off() && bench.look().state == State::Idle);
+}
+
+#[test]
+fn new_settings_keep_the_positions_unless_an_encoder_counts_the_other_way() {
+    for (encoder_reversed, are_known) in [([false; 2], true), ([true, false], false), ([false, true], false)] {
+        let mut bench = streaming();
+        assert_eq!(bench.ask(Command::Align), Reply::Done);
+        bench.ticks(40);
+        let settings = Settings { encoder_reversed, motor_reversed: [false, true], ..Settings::DEFAULT };
+        assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+        bench.ticks(40);
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        assert_eq!(info.angles_known, are_known, "{encoder_reversed:?}");
+    }
 }
