@@ -243,6 +243,10 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
     let logs = ["short/001_w1+50_w2+10.mcap", "short/002_w1-90_w2+90.mcap"];
     assert!(expect(&biflag(folder, &["compare", logs[0], logs[1]]), 2).contains("the speeds differ"));
     assert!(expect(&biflag(folder, &["compare", "rig", "nowhere"]), 2).contains("nowhere"));
+    // A recording agrees with itself whatever the robot did.
+    std::fs::copy(folder.join("rig/001_w1+50_w2+10.mcap"), folder.join("copy.mcap")).unwrap();
+    let copied = biflag(folder, &["compare", "rig/001_w1+50_w2+10.mcap", "copy.mcap"]);
+    assert!(expect(&copied, 2).contains("both are the same recording"));
 }
 
 #[test]

@@ -4,6 +4,7 @@ use biflag_log::{Body, Reader};
 use rustix::process::Signal;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 use tests::{Bench, Run, logs, nano, pass, program, signal, stalling_library, wait_for_line};
 
 /// Slow, so that the reversed motor reaches its speed within the run. The board has its gyroscope's bias, as after an earlier
@@ -121,4 +122,24 @@ fn trials_of_a_busy_computer_are_equal_to_those_of_an_idle_one() {
         let running: Vec<_> = troubles.into_iter().map(|trouble| scope.spawn(move || record(trouble))).collect();
         running.into_iter().for_each(|trial| trial.join().unwrap());
     });
+}
+
+/// At more than real time the board's time waits for the program, which may be held up for longer than the motors' deadline.
+#[test]
+fn fast_emulated_board_waits_for_a_program_that_is_held_up() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 20\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n",
+    );
+    let mut recording =
+        bench.start(["record", "plan.toml", "--virtual", "--sensor", "ideal", "--out", "session", "--json"]);
+    wait_for_line(&mut recording, ": run");
+    signal(&recording, Signal::STOP);
+    std::thread::sleep(Duration::from_millis(1500));
+    signal(&recording, Signal::CONT);
+    // Without a calibration and a rest it has findings of its own.
+    let run = Run::of(recording).expect_code(3);
+    let trial = &run.json()["trials"][0];
+    assert_eq!((&trial["complete"], &trial["lost"]), (&true.into(), &0.into()), "{run:?}");
 }

@@ -49,6 +49,10 @@ impl SensorArgs {
     }
 }
 
+/// How long the emulated board's time waits for this program, s. Its link is never silent (see [`rig::link`]) unless the
+/// computer is busy or the program is stopped, and neither is to end a trial.
+const PATIENCE_S: &str = "60";
+
 /// What the board's program says first when an option has a wrong value.
 const INVALID_VALUE: &str = "error: invalid value";
 
@@ -56,6 +60,7 @@ const INVALID_VALUE: &str = "error: invalid value";
 pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::Result<VirtualNano> {
     let image = image::of_program()?;
     arguments.extend(["--firmware".into(), image.elf.clone().into_os_string()]);
+    arguments.extend(["--patience".into(), PATIENCE_S.into()]);
     for fault in faults {
         arguments.extend(["--fault".into(), fault.into()]);
     }

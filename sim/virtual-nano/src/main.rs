@@ -18,7 +18,7 @@ use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::sensor::Sensor;
 use virtual_nano::imu::sensor_file;
 use virtual_nano::imu::source::Source;
-use virtual_nano::pace::{Pace, Speed};
+use virtual_nano::pace::{PATIENCE_S, Pace, Speed};
 use virtual_nano::plant::Plant;
 use virtual_nano::port::{Port, PortCount};
 use virtual_nano::run::Runner;
@@ -51,6 +51,10 @@ struct Arguments {
     /// name, so that a run does not depend on the load of the machine
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max|exchange")]
     speed: Speed,
+    /// How long the time of a board that is faster than real time waits for a silent host, s: for a host that sends something
+    /// at least every 0.05 s
+    #[arg(long, value_name = "S", default_value_t = PATIENCE_S, value_parser = parse_patience)]
+    patience: f64,
     /// Errors of the sensor and of the board's clock: `typical` draws all that the data sheet allows; `ideal` has exact
     /// scales, axes and clocks, and biases that drift; a file gives each of them. `help` prints such a file
     #[arg(long, value_name = "ideal|typical|FILE.toml", default_value_t, conflicts_with = "imu")]
@@ -83,6 +87,11 @@ fn parse_byte(text: &str) -> Result<u8, String> {
         None => text.parse(),
     };
     parsed.map_err(|_| "give a byte, such as 0x68".into())
+}
+
+fn parse_patience(text: &str) -> Result<f64, String> {
+    let patience_s = text.parse().ok().filter(|patience_s| (0.0..=3600.0).contains(patience_s));
+    patience_s.ok_or_else(|| "give seconds from 0 to 3600".into())
 }
 
 /// How long the program may take to end once its standard input has closed.
@@ -144,7 +153,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     let mut runner = Runner {
-        pace: Pace::new(arguments.speed, board.seconds()),
+        pace: Pace::new(arguments.speed, Duration::from_secs_f64(arguments.patience), board.seconds()),
         board,
         port: Port::new()?,
         reset_on_open: arguments.bootloader.is_some(),

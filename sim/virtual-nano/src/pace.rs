@@ -35,15 +35,17 @@ const SLACK: Duration = Duration::from_millis(500);
 /// and five times the delay after which the start of a run counts as late.
 const LEAD_S: f64 = 0.040;
 
-/// A host that is silent for this long has hung, or it waits for the board, or the machine is very busy: the board's time
-/// then passes as fast as ours, and the motors' deadline is that of a real board. It must be shorter than the host's last
-/// wait for an answer, 400 ms, because saving the settings takes the board longer than [`LEAD_S`].
-const PATIENCE: Duration = Duration::from_millis(200);
+/// How long the board's time waits by default for a host that is silent: it has hung, or waits for the board. The board's
+/// time then passes as fast as ours, and the motors' deadline is that of a real board. This must be shorter than a host's
+/// last wait for an answer, 400 ms, because saving the settings takes the board longer than [`LEAD_S`]. A host that sends
+/// something while it waits may ask for more, so that nothing but its end is silence.
+pub const PATIENCE_S: f64 = 0.2;
 
 /// Holds the board's time to a speed.
 #[derive(Debug)]
 pub struct Pace {
     speed: Speed,
+    patience: Duration,
     /// Our time and the board's (s) from which on it is kept.
     since: (Instant, f64),
     /// The same at the last byte from the host.
@@ -51,9 +53,9 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// From now on, when it is `board_s` for the board.
-    pub fn new(speed: Speed, board_s: f64) -> Self {
-        Self { speed, since: (Instant::now(), board_s), heard: None }
+    /// From now on, when it is `board_s` for the board, with so much patience for a silent host.
+    pub fn new(speed: Speed, patience: Duration, board_s: f64) -> Self {
+        Self { speed, patience, since: (Instant::now(), board_s), heard: None }
     }
 
     /// Whether the board waits for a slow host rather than lose bytes.
@@ -93,7 +95,7 @@ impl Pace {
         };
         faster
             && self.heard.is_some_and(|(at, then_s)| {
-                let in_real_time_s = at.elapsed().saturating_sub(PATIENCE).as_secs_f64();
+                let in_real_time_s = at.elapsed().saturating_sub(self.patience).as_secs_f64();
                 board_s > then_s + LEAD_S + in_real_time_s
             })
     }
@@ -111,7 +113,7 @@ mod tests {
     #[test]
     fn a_fast_board_waits_for_a_host_that_spoke_lately() {
         let ahead = |speed, heard: bool, board_s| {
-            let mut pace = Pace::new(speed, 0.0);
+            let mut pace = Pace::new(speed, Duration::from_millis(200), 0.0);
             if heard {
                 pace.hear_host(1.0);
             }
@@ -121,9 +123,12 @@ mod tests {
         assert!(ahead(Speed::Factor(2.0), true, 1.001 + LEAD_S));
         assert!(!ahead(Speed::Max, true, 0.999 + LEAD_S));
         assert!(!ahead(Speed::Max, false, 1.001 + LEAD_S), "nobody spoke yet");
-        let mut pace = Pace::new(Speed::Max, 0.0);
-        let long_ago = Instant::now().checked_sub(PATIENCE + Duration::from_secs(3)).unwrap();
-        pace.heard = Some((long_ago, 1.0));
+        let patience = Duration::from_secs(2);
+        let mut pace = Pace::new(Speed::Max, patience, 0.0);
+        let ago = |silence| Some((Instant::now().checked_sub(silence).unwrap(), 1.0));
+        pace.heard = ago(patience - Duration::from_millis(500));
+        assert!(pace.is_ahead_of_host(1.001 + LEAD_S), "time stands still for a host that may be slow");
+        pace.heard = ago(patience + Duration::from_secs(3));
         assert!(!pace.is_ahead_of_host(3.9), "a silent host gets real time");
         assert!(pace.is_ahead_of_host(9.0), "and no more");
         pace.lose_host();

@@ -74,7 +74,7 @@ impl Link {
         let (sender, events) = channel();
         let opened = SystemTime::now();
         let alive = Arc::new(Mutex::new(Instant::now()));
-        let worker = Worker::new(port, pending, sender, alive.clone());
+        let worker = Worker::new(port, pending, sender, alive.clone(), port::is_emulated(path));
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())

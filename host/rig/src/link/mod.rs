@@ -12,6 +12,9 @@
 //! - while the board sends: a frame of telemetry, or without a stream an answer, has come within the last second.
 //!
 //! Otherwise the board stops its motors at their deadline.
+//!
+//! The time of an emulated board that is faster than real time waits for this program. So that it knows that the program
+//! waits for it and not the other way round, the thread sends it a delimiter every 50 ms.
 
 mod claim;
 mod client;

@@ -84,6 +84,11 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
     Ok(port)
 }
 
+/// Returns whether a program stands for the board: behind a pseudo-terminal there is no cable.
+pub(super) fn is_emulated(path: &str) -> bool {
+    fs::canonicalize(path).is_ok_and(|port| port.starts_with("/dev/pts"))
+}
+
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
     match source.kind() {
         // Another program was quicker, which `serialport` reports as a missing port.

@@ -76,6 +76,10 @@ pub(super) const BACK_OFF: [Duration; 5] = [
 /// or by the board's, whichever is earlier: an emulated board may run faster than real time.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
+/// Time between two signs of life to an emulated board, whose time stands still when it hears nothing. It is longer than
+/// the time that the board gives for one of them, 40 ms, so that its time does not run ahead of the deadlines here.
+const SIGN_OF_LIFE_EVERY: Duration = Duration::from_millis(50);
+
 /// Time without a frame after which the board no longer gets pings: motors that turn unseen must stop.
 const SILENCE: Duration = Duration::from_secs(1);
 
@@ -105,6 +109,8 @@ pub(super) struct Worker {
     /// When its silence was told last; before that, the same as `heard`.
     silence_told: Instant,
     next_ping: Instant,
+    /// When the next sign of life is due; `None` for a real board, whose time passes anyway.
+    next_sign: Option<Instant>,
     /// The board's clock in the last frame of its stream, and in the last one before something was sent.
     board_time: Option<Micros>,
     board_time_at_send: Option<Micros>,
@@ -127,6 +133,7 @@ impl Worker {
         requests: Receiver<PendingRequest>,
         events: Sender<Received>,
         alive: Arc<Mutex<Instant>>,
+        is_emulated: bool,
     ) -> Self {
         let begun = Instant::now();
         Self {
@@ -145,6 +152,7 @@ impl Worker {
             unheard: 0,
             silence_told: begun,
             next_ping: begun,
+            next_sign: is_emulated.then_some(begun),
             board_time: None,
             board_time_at_send: None,
         }
@@ -167,6 +175,7 @@ impl Worker {
                 Err(TryRecvError::Disconnected) => break,
             }
         }
+        self.show_life()?;
         if self.in_flight.is_some() {
             return self.retry();
         }
@@ -177,6 +186,13 @@ impl Worker {
             return self.begin(Command::Ping, None);
         }
         Ok(())
+    }
+
+    /// Sends a delimiter to an emulated board while this program waits for it: an empty frame, which tells it nothing and
+    /// feeds no deadline.
+    fn show_life(&mut self) -> Result<(), Disconnected> {
+        let is_due = self.next_sign.is_some_and(|due| Instant::now() >= due);
+        if is_due && self.is_program_alive() { self.write_bytes(&[0]) } else { Ok(()) }
     }
 
     fn is_ping_due(&self) -> bool {
@@ -301,7 +317,12 @@ impl Worker {
         self.next_ping = Instant::now() + PING_EVERY;
         self.board_time_at_send = self.board_time;
         let line = [&[0], &*frame].concat();
-        self.port.write_all(&line).map_err(|_| Disconnected)
+        self.write_bytes(&line)
+    }
+
+    fn write_bytes(&mut self, bytes: &[u8]) -> Result<(), Disconnected> {
+        self.next_sign = self.next_sign.map(|_| Instant::now() + SIGN_OF_LIFE_EVERY);
+        self.port.write_all(bytes).map_err(|_| Disconnected)
     }
 
     fn emit(&mut self, event: Event) {

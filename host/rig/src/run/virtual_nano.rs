@@ -18,8 +18,11 @@ use thiserror::Error;
 /// Name of the board's program.
 const PROGRAM: &str = "vnano";
 
-/// Longest wait for a response. The program answers within milliseconds, unless it is stopped.
+/// Longest wait for a response. The program answers within milliseconds, unless it is stopped, or the computer is busy.
 const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Longest wait for a response while the program waits for a processor or the disk.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Longest wait for the start of the program, which reads the image, and for its end.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
@@ -210,7 +213,12 @@ impl VirtualNano {
         let gone = || VirtualError::Gone(command.to_owned());
         let control = self.control.as_mut().ok_or_else(gone)?;
         writeln!(control, "{command}").and_then(|()| control.flush()).map_err(|_| gone())?;
-        let Some(answer) = self.hear(TIMEOUT) else {
+        let asked = Instant::now();
+        let mut answer = self.hear(TIMEOUT);
+        while answer.is_none() && self.is_held_up() && asked.elapsed() < BUSY_TIMEOUT {
+            answer = self.hear(TIMEOUT);
+        }
+        let Some(answer) = answer else {
             // An answer that comes late would be taken for that of the next command.
             self.control = None;
             return Err(gone());
@@ -231,6 +239,14 @@ impl VirtualNano {
         let others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));
         let found = std::iter::once(beside.clone()).chain(others).find(|path| path.is_file());
         found.ok_or(VirtualError::NotBuilt(beside))
+    }
+
+    /// Returns whether the program would go on, but waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
+    fn is_held_up(&self) -> bool {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
+        // The name of the program before it may contain spaces and parentheses.
+        let state = stat.rsplit_once(')').and_then(|(_, rest)| rest.split_whitespace().next());
+        matches!(state, Some("R" | "D"))
     }
 
     /// Waits for a response; `None` if none comes in time or the program has ended.

@@ -13,6 +13,7 @@
 
 mod bias_noise;
 mod file;
+mod gravity;
 mod least_squares;
 pub mod note;
 mod parameter;

@@ -7,6 +7,7 @@ use super::import_findings;
 use super::sensor_gap;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
+use crate::sensor::MeasuredSensor;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use protocol::Settings;
@@ -110,6 +111,7 @@ fn sensor(data: &Data) -> Vec<Finding> {
         let cure = "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial";
         found.push(Finding::grave(FindingKind::Rest, text, cure));
     }
+    found.extend(other_sensor(data));
     if let Some([found_deg, allowed_deg]) = axes::contradiction(data) {
         let text = format!(
             "gyroscope and accelerometer contradict each other: in the first seconds of the run they differ by \
@@ -132,6 +134,25 @@ fn sensor(data: &Data) -> Vec<Finding> {
     }
     found.extend(data.settings().iter().flat_map(of_settings));
     found
+}
+
+/// Whether the sensor's file finds another gravity than there is. Its errors are removed from the angles.
+fn other_sensor(data: &Data) -> Option<Finding> {
+    let file = data.records.measured_sensor.as_ref()?;
+    let level = data.records.level.as_ref()?;
+    let reading_g = level.up.map(|part| part * level.force_g);
+    let gravity = MeasuredSensor::parse(&file.text, &file.name).ok()?.gravity(reading_g)?;
+    ((gravity.value - 1.0).abs() > 2.0 * gravity.u).then(|| {
+        let text = format!(
+            "by the sensor's file {}, the accelerometer read {:.3} of gravity at rest, where {:.3} is possible: the file is of \
+             another sensor, or the sensor has changed",
+            file.name,
+            gravity.value,
+            1.0 + (2.0 * gravity.u).copysign(gravity.value - 1.0)
+        );
+        let cure = "measure this sensor with `biflag sensor`, name its file in the plan, and repeat the trial";
+        Finding::grave(FindingKind::Identity, text, cure)
+    })
 }
 
 /// What makes the angles wrong with these settings of the board, whatever the sensor reads.

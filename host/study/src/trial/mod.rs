@@ -6,6 +6,7 @@
 
 mod angles;
 mod axes;
+mod back_at_zero;
 mod bounds;
 mod budget;
 mod causes;

@@ -8,6 +8,7 @@
 //! errors are those that the import states.
 
 use super::angles::{Angles, Steady};
+use super::back_at_zero;
 use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
@@ -181,6 +182,10 @@ impl Zeroed {
             *yaw -= yaw_zero + errors.drift.as_ref().map_or(0.0, |drift| drift.at(*time));
         }
         errors.correct(&mut angles_deg);
+        if let Some(budget) = errors.yaw(angles_deg.span().end) {
+            let yaw_s = constants.map_or(f64::INFINITY, |constants| constants.yaw_s);
+            rest.extend(back_at_zero::finding(data, angles_deg.track(0), budget.uncertainty_deg(), yaw_s));
+        }
         Self {
             angles_deg,
             zero_deg: [yaw_zero, zero.pitch_deg + levelled_away[0], zero.roll_deg + levelled_away[1]],

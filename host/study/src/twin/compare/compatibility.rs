@@ -6,6 +6,9 @@ use sim::params::Robot;
 
 /// Returns the reason why two trials should not be compared, if there is one.
 pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError> {
+    if is_same_recording(a, b) {
+        return Ok(Some("both are the same recording".to_owned()));
+    }
     if a.planned_speeds() != b.planned_speeds() {
         let speeds = |data: &Data| data.planned_speeds().map(|speed| speed.rpm().to_string()).join(", ");
         return Ok(Some(format!("the speeds differ: {} and {} rpm", speeds(a), speeds(b))));
@@ -28,6 +31,13 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     }
     let robot = |data: &Data| data.robot().map_err(|source| TwinError::robot(data, source));
     Ok(robot_difference(&robot(a)?, &robot(b)?).map(|text| format!("the robots differ: {text}")))
+}
+
+/// Returns whether two logs are of one recording: a copy, or one that was recovered or cut. It agrees with itself whatever
+/// the robot did.
+fn is_same_recording(a: &Data, b: &Data) -> bool {
+    let count = a.readings.len().min(b.readings.len());
+    a.is_recorded() && b.is_recorded() && count > 0 && a.readings[..count] == b.readings[..count]
 }
 
 /// Returns the first parameter in which two robots differ, apart from the parameters of the solver.

@@ -1,0 +1,58 @@
+//! Whether a sensor's file is that of the sensor: both must find the same gravity.
+//!
+//! Scale and offset of the accelerometer differ from part to part by some hundredths of gravity, and the file knows them to a
+//! thousandth. A board's number tells boards apart only where somebody has given them numbers.
+
+use super::{AXES, Estimate, MeasuredSensor};
+
+/// Largest difference of the temperature from that in which the file was measured, °C: of the same room.
+const ROOM_C: f64 = 5.0;
+
+impl MeasuredSensor {
+    /// Returns the gravity, relative to the standard, that this file finds in a mean reading at rest, body axes, g; `None` if
+    /// scale or offset of an axis was not measured.
+    pub fn gravity(&self, reading_g: [f64; 3]) -> Option<Estimate> {
+        let known = self.known();
+        let force = reading_g.iter().map(|force| force * force).sum::<f64>().sqrt();
+        let (mut found, mut variance) = (0.0, 0.0);
+        for (i, axis) in AXES.iter().enumerate() {
+            let offset = self.get("accel_offset_g", axis)?;
+            let scale = self.get("accel_scale", axis)?;
+            // How much of the force this axis reads.
+            let share = reading_g[i] / force;
+            let cross: f64 = (0..3).map(|j| known.accel_cross[i][j].value * reading_g[j]).sum();
+            found += (reading_g[i] - offset.value - scale.value * reading_g[i] - cross).powi(2);
+            let mut add = |u: f64| variance += (share * u).powi(2);
+            add(offset.u);
+            add(scale.u * reading_g[i]);
+            add(known.accel_drift_g_per_c[i].u * ROOM_C);
+            (0..3).for_each(|j| add(known.accel_cross[i][j].u * reading_g[j]));
+        }
+        Some(Estimate { value: found.sqrt(), u: variance.sqrt() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::file::pair;
+    use protocol::Settings;
+
+    #[test]
+    fn file_of_another_sensor_finds_another_gravity() {
+        let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+        assert_eq!(file.gravity([0.0, 0.0, 1.0]), None);
+        for (axis, [scale, offset_g]) in AXES.iter().zip([[-0.0045, 0.0064], [0.0282, 0.0139], [0.0036, -0.0054]]) {
+            file.set("accel_scale", axis, Estimate { value: scale, u: 0.0005 });
+            file.set("accel_offset_g", axis, Estimate { value: offset_g, u: 0.0002 });
+        }
+        for (i, j) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+            file.set("accel_cross", &pair(i, j), Estimate { value: 0.004, u: 0.005 });
+        }
+        // Level, as the sensor of the file reads it, and as another part does.
+        let own = file.gravity([0.0064 + 0.004, 0.0139 + 0.004, 1.0 + 0.0036 - 0.0054]).unwrap();
+        assert!((own.value - 1.0).abs() < 1e-4 && (0.004..0.007).contains(&own.u), "{own:?}");
+        let other = file.gravity([-0.0488, 0.0047, 1.0077]).unwrap();
+        assert!(other.value - 1.0 > 1.5 * other.u, "{other:?}");
+    }
+}

@@ -1,0 +1,86 @@
+//! Whether the yaw comes back to its zero after a run.
+//!
+//! The zero is where the robot hangs at rest, and the tether brings it back there. What is left after the run is a part of
+//! the yaw in it, the smaller the longer the decay. More shows that the zero has moved since the rest before the run, that
+//! the sensor has turned on the robot, or that the gyroscope has another bias: the yaw is then wrong by about as much, and no
+//! budget of the sensor contains it.
+
+use super::data::Data;
+use super::finding::{Finding, FindingKind};
+use crate::attitude::Track;
+use protocol::units::CentiRpm;
+use std::ops::Range;
+
+/// Time in which the motors stop and soft flagella spring back, which turns the robot by a part of the yaw, s.
+const SPRINGS_BACK_S: f64 = 4.0;
+
+/// Time over which the yaw is averaged at the end, s.
+const LAST_S: f64 = 1.0;
+
+/// Largest time constant of the return, relative to that of the robot's file.
+const SLOWER: f64 = 2.0;
+
+/// Assumed: how far from the zero joint and tether may stop, degrees.
+const ALLOWED_DEG: f64 = 5.0;
+
+/// Returns a finding if the yaw is not where a return to rest leaves it. `stated_deg`: the 95 % uncertainty of the yaw at the
+/// end of the log.
+pub(super) fn finding(data: &Data, yaw: Track, stated_deg: f64, time_constant_s: f64) -> Option<Finding> {
+    let after = data.times.decay.start..data.times.decay.end.min(yaw.span().end);
+    let is_of_robot = data.speeds() != [CentiRpm(0); 2];
+    let [end_deg, nearest_deg] =
+        missed(yaw, &after, ALLOWED_DEG + stated_deg, time_constant_s).filter(|_| is_of_robot)?;
+    let Range { start, end } = after;
+    let text = format!(
+        "the yaw does not come back: {:.1} s after the run it is {end_deg:.1} degrees, where at most {nearest_deg:.1} can be left; \
+         the zero or the sensor has moved, or the gyroscope's bias has changed",
+        end - start
+    );
+    let cure = "check how robot and sensor are fastened, and repeat the trial";
+    Some(Finding::grave(FindingKind::Rest, text, cure))
+}
+
+/// Returns the yaw at the end of the phase after the run, and the nearest that a return to rest may leave, degrees, if the
+/// yaw is beyond it.
+fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
+    let sprung_s = after.start + SPRINGS_BACK_S;
+    if after.end - LAST_S < sprung_s {
+        return None;
+    }
+    let end_deg = yaw.mean(after.end - LAST_S..after.end)?;
+    let left = (-(after.end - sprung_s) / (SLOWER * time_constant_s)).exp();
+    let first = yaw.time_s.iter().zip(yaw.value).filter(|(time, _)| (after.start..sprung_s).contains(*time));
+    let bounds = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(left * deg), high.max(left * deg)]);
+    let nearest_deg = end_deg.clamp(bounds[0] - allowed_deg, bounds[1] + allowed_deg);
+    (end_deg != nearest_deg).then_some([end_deg, nearest_deg])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Columns;
+
+    /// Returns what is missed after a run that ends at a yaw, if the robot returns with this time constant to a rest.
+    fn after(run_deg: f64, time_constant_s: f64, rest_deg: f64, length_s: f64) -> Option<[f64; 2]> {
+        let mut yaw = Columns::<1>::default();
+        for time_s in (0..=(100.0 * length_s) as u32).map(|i| f64::from(i) * 0.01) {
+            yaw.push(time_s, [rest_deg + (run_deg - rest_deg) * (-time_s / time_constant_s).exp()]);
+        }
+        missed(yaw.track(0), &(0.0..length_s), 7.0, 10.8)
+    }
+
+    #[test]
+    fn yaw_that_ends_beyond_its_return_to_rest_is_missed() {
+        for (run_deg, time_constant_s, rest_deg, length_s) in
+            [(-67.0, 10.8, 0.0, 30.0), (-127.0, 6.0, 0.0, 17.3), (310.0, 18.0, 0.0, 20.0), (15.0, 10.8, -6.0, 30.0)]
+        {
+            assert_eq!(after(run_deg, time_constant_s, rest_deg, length_s), None, "{run_deg} {time_constant_s}");
+        }
+        // Too short to tell.
+        assert_eq!(after(-67.0, 10.8, 90.0, 4.5), None);
+        for (run_deg, rest_deg, nearest_deg) in [(7.0, 19.0, 10.2), (-67.0, 20.0, 7.0), (-30.0, -60.0, -18.8)] {
+            let [end_deg, nearest] = after(run_deg, 10.8, rest_deg, 30.0).unwrap();
+            assert!((nearest - nearest_deg).abs() < 0.1 && (end_deg - rest_deg).abs() < 6.0, "{end_deg} {nearest}");
+        }
+    }
+}
