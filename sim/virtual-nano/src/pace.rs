@@ -37,7 +37,7 @@ const LEAD_S: f64 = 0.040;
 
 /// How long the board's time waits by default for a host that is silent: it has hung, or waits for the board. The board's
 /// time then passes as fast as ours, and the motors' deadline is that of a real board. This must be shorter than a host's
-/// last wait for an answer, 400 ms, because saving the settings takes the board longer than [`LEAD_S`]. A host that sends
+/// last wait for an answer, 400 ms, because saving the settings takes the board longer than the lead. A host that sends
 /// something while it waits may ask for more, so that nothing but its end is silence.
 pub const PATIENCE_S: f64 = 0.2;
 
