@@ -31,5 +31,6 @@ pub use clock::{BoardClock, PingClock};
 pub use error::LinkError;
 pub use lock_step::{Advance, SLICE_US};
 pub use monitor::{Arrival, Gap, Monitor};
+pub(crate) use port::is_emulated as is_emulated_port;
 pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Received};

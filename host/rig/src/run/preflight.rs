@@ -9,7 +9,7 @@
 
 use super::board_copy::BoardCopies;
 use super::{RecordError, stream};
-use crate::link::Link;
+use crate::link::{Link, is_emulated_port};
 use biflag_log::ClockMeta;
 use miette::Diagnostic;
 use protocol::units::Millivolts;
@@ -232,7 +232,7 @@ pub fn at_rest(
     if let Some(tilt_deg) = rest.mounted_askew_deg {
         return Err(PreflightError::MountedAskew { tilt_deg });
     }
-    let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !port.starts_with("/dev/pts/");
+    let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !is_emulated_port(port);
     match clock.filter(is_known).map(|clock| clock.drift_ppm) {
         Some(drift_ppm) if drift_ppm.abs() > DRIFT_LIMIT_PPM => Err(PreflightError::ClockDrift { drift_ppm }),
         _ => Ok(()),

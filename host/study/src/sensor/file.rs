@@ -193,12 +193,16 @@ impl File {
 impl Sensor {
     /// Returns what a plan or a log knows of its sensor: what its file has, and the data sheet for all else.
     pub fn of(file: Option<&MeasuredSensorMeta>) -> Self {
-        let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
-        measured.map_or_else(Self::of_data_sheet, |measured| measured.known())
+        file.and_then(MeasuredSensor::of).map_or_else(Self::of_data_sheet, |measured| measured.known())
     }
 }
 
 impl MeasuredSensor {
+    /// Returns what was measured by the file of a plan or a log, which was read before; `None` if its text is none.
+    pub fn of(file: &MeasuredSensorMeta) -> Option<Self> {
+        Self::parse(&file.text, &file.name).ok()
+    }
+
     /// Returns a sensor of which nothing is measured, on a board with these settings.
     pub fn new(settings: &Settings) -> Self {
         Self { board_id: settings.board_id, axes: [settings.gyro_axes, settings.accel_axes], ..Self::default() }

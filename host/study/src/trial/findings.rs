@@ -141,7 +141,7 @@ fn other_sensor(data: &Data) -> Option<Finding> {
     let file = data.records.measured_sensor.as_ref()?;
     let level = data.records.level.as_ref()?;
     let reading_g = level.up.map(|part| part * level.force_g);
-    let gravity = MeasuredSensor::parse(&file.text, &file.name).ok()?.gravity(reading_g)?;
+    let gravity = MeasuredSensor::of(file)?.gravity(reading_g)?;
     ((gravity.value - 1.0).abs() > 2.0 * gravity.u).then(|| {
         let text = format!(
             "by the sensor's file {}, the accelerometer read {:.3} of gravity at rest, where {:.3} is possible: the file is of \
