@@ -443,6 +443,11 @@ where
         self.is_running() || self.drive_ticks > 0
     }
 
+    /// Returns whether a fault is not in the fault log yet.
+    pub fn is_logging(&self) -> bool {
+        self.store.is_logging()
+    }
+
     /// Turns the motors off, and ends the schedule and a calibration.
     #[inline(never)]
     fn stop(&mut self) {

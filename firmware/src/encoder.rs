@@ -4,8 +4,9 @@
 //! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
 //! [`SPIKE_US`], which cancel each other, so an edge counts when no other one has followed for as long. Longer pulses count
 //! in both directions. A spike just after a true edge cancels that edge, and its end is a new one to the same level: of the
-//! three edges the closer two are those of the spike, and the third is dated. A spike on channel 2 alone, at an edge of channel
-//! 1, turns the direction of that edge. The next edge turns it back and is counted as noise, so that the error is noticed.
+//! three edges the closer two are those of the spike, and the third is dated. An edge that turns the direction reads
+//! channel 2 again some µs later, because its level may have been that of a spike. If a spike is there again, the direction
+//! is wrong; the next edge turns it back and is counted as noise, so that the error is noticed.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
@@ -121,10 +122,16 @@ impl Filter {
         self.level = channel_1;
     }
 
-    /// Takes the level of channel 1 after an edge of it. `channel_2` returns that of channel 2; it is called last, if it is.
-    /// Returns whether the encoder is noisy, as [`Edges`] has it.
+    /// Takes the levels of both channels after an edge of channel 1. If the direction turns, `channel_2_later` is called, which returns
+    /// the level of channel 2 when a spike is over. Returns whether the encoder is noisy, as [`Edges`] has it.
     #[inline(always)]
-    pub fn feed(&mut self, channel_1: bool, time: u16, channel_2: impl FnOnce() -> bool) -> bool {
+    pub fn feed(
+        &mut self,
+        channel_1: bool,
+        channel_2: bool,
+        time: u16,
+        channel_2_later: impl FnOnce() -> bool,
+    ) -> bool {
         let mut glitches = 1;
         if channel_1 != self.level {
             self.level = channel_1;
@@ -151,7 +158,12 @@ impl Filter {
             self.step = 0;
             if glitches == 0 {
                 self.time = began;
-                self.step = if channel_1 != channel_2() { 1 } else { -1 };
+                let step_by = |channel_2| if channel_1 != channel_2 { 1 } else { -1 };
+                let mut step = step_by(channel_2);
+                if step != self.last_step {
+                    step = step_by(channel_2_later());
+                }
+                self.step = step;
             }
         }
         self.reject(glitches)

@@ -63,6 +63,11 @@ impl FaultLog {
         self.writing = Some(Entry { slot, writes: 0 });
     }
 
+    /// Returns whether a record is being written.
+    pub fn is_writing(&self) -> bool {
+        self.writing.is_some()
+    }
+
     /// Writes one byte; returns false when there is none to write.
     #[inline(never)]
     pub fn step(&mut self, storage: &mut impl Storage) -> bool {

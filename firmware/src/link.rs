@@ -10,7 +10,7 @@ pub const OUTBOX: u8 = 144;
 
 /// Lengths of the longest answer to some requests.
 const SETTINGS: u8 = 60;
-const INFO: u8 = 38;
+const INFO: u8 = 40;
 const PONG: u8 = 11;
 
 /// Bytes to send, up to [`OUTBOX`] - 1; the serial port takes them.

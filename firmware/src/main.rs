@@ -94,7 +94,7 @@ mod nano {
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);
-                crash::keep(app.is_driven());
+                crash::keep(app.is_driven(), app.is_logging());
                 crash::feed_watchdog();
                 serial::send();
             } else if inbox.ready() {

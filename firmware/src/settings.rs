@@ -137,6 +137,11 @@ impl<S: Storage> Store<S> {
         self.fault_log.add(record);
     }
 
+    /// Returns whether a record of the fault log is being written.
+    pub fn is_logging(&self) -> bool {
+        self.fault_log.is_writing()
+    }
+
     /// Returns an entry of the fault log; index 0 is the latest one.
     pub fn read_fault(&mut self, index: u8) -> Option<FaultRecord> {
         self.fault_log.read(&mut self.storage, index)

@@ -74,7 +74,7 @@ fn tick(bench: &mut Bench, motors: &mut [Motor; 2]) {
             if channel_1 != encoder.level {
                 encoder.level = channel_1;
                 let time = bench.now.wrapping_add(step * STEP_US - 1);
-                encoder.filter.feed(channel_1, robot::clock(time), || channel_2);
+                encoder.filter.feed(channel_1, channel_2, robot::clock(time), || channel_2);
             }
         }
     }
@@ -309,7 +309,7 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
             bench.ticks(3);
             for count in 0..40 {
                 let filter = &mut bench.encoders[encoder].filter;
-                filter.feed(count % 2 == 0, robot::clock(bench.now + 10 * count), || false);
+                filter.feed(count % 2 == 0, false, robot::clock(bench.now + 10 * count), || false);
             }
             bench.tick();
             assert!(bench.world.is_off());
@@ -342,7 +342,7 @@ fn an_encoder_at_fault_loses_the_positions_and_a_stalled_motor_keeps_them() {
         assert_eq!(bench.ask(Command::Align), Reply::Done);
         let filter = &mut bench.encoders[usize::from(second)].filter;
         for count in 0..40 {
-            filter.feed(count % 2 == 0, robot::clock(bench.now + 10 * count), || false);
+            filter.feed(count % 2 == 0, false, robot::clock(bench.now + 10 * count), || false);
         }
         assert!(are_known(&mut bench));
         bench.tick();

@@ -6,7 +6,8 @@
 //! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
 //! help, because the flag that keeps the watchdog on survives it.
 //!
-//! A reset while a motor was on, whatever its cause, is logged as a hang without an address.
+//! A reset while a motor was on, whatever its cause, is logged as a hang without an address. So is one while the fault that turned
+//! the motors off is being logged.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
@@ -31,18 +32,21 @@ const HUNG: u8 = 0xB1;
 #[unsafe(link_section = ".noinit")]
 static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 
-/// [`DRIVEN`] if a motor was on at the end of the last tick. A bootloader that a reset runs uses both ends of the memory, and
-/// leaves this unchanged.
+/// [`DRIVEN`] if a motor was on at the end of the last tick, or when the fault that is being logged stopped it. A bootloader that a
+/// reset runs uses both ends of the memory, and leaves this unchanged.
 #[unsafe(link_section = ".noinit")]
 static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();
 
 /// The memory has it by chance once in 65536 times that power comes on.
 const DRIVEN: u16 = 0xB1F1;
 
-/// Keeps over a reset whether a motor is on.
-pub fn keep(is_driven: bool) {
-    // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.
-    unsafe { (&raw mut MOTORS).cast::<u16>().write_volatile(if is_driven { DRIVEN } else { 0 }) };
+/// Keeps over a reset whether a motor is on. That one was on stays while a fault is being logged: the next reset, as of a plug that
+/// bounces, may come before the record is complete.
+pub fn keep(is_driven: bool, is_logging: bool) {
+    if is_driven || !is_logging {
+        // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.
+        unsafe { (&raw mut MOTORS).cast::<u16>().write_volatile(if is_driven { DRIVEN } else { 0 }) };
+    }
 }
 
 /// Returns whether a reset came while a motor was on. Whatever its cause: most bootloaders clear the reset flags.

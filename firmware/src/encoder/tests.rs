@@ -9,6 +9,11 @@ fn clock(us: u32) -> u16 {
     us.wrapping_mul(2) as u16
 }
 
+/// Feeds an edge of channel 1, with the level of channel 2 at it and later.
+fn feed(filter: &mut Filter, channel_1: bool, channel_2: bool, us: u32) -> bool {
+    filter.feed(channel_1, channel_2, clock(us), || channel_2)
+}
+
 fn take(filter: &mut Filter, us: u32) -> Edges {
     filter.take(Micros(us), clock(us), 0)
 }
@@ -41,7 +46,7 @@ impl Shaft {
         if level != self.line {
             self.line = level;
             let channel_2 = self.is_high(self.position - 0.5);
-            self.filter.feed(level, clock(now), || channel_2);
+            feed(&mut self.filter, level, channel_2, now);
         }
     }
 
@@ -138,7 +143,7 @@ fn the_first_edge_after_a_wrap_of_the_clock_is_no_jump() {
     let scale = centi_rpm_scale(COUNTS_PER_TURN as f32);
     let mut encoder = Encoder::default();
     let mut filter = Filter::new();
-    filter.feed(true, clock(1000), || false);
+    feed(&mut filter, true, false, 1000);
     let mut update = |filter: &mut Filter, us| encoder.update(&take(filter, us), Micros(us), scale);
     update(&mut filter, 5000);
     let mut now = 5000u32;
@@ -147,10 +152,10 @@ fn the_first_edge_after_a_wrap_of_the_clock_is_no_jump() {
         update(&mut filter, now);
     }
     assert_eq!(update(&mut filter, now), Motion::default());
-    filter.feed(false, clock(now.wrapping_add(100)), || true);
+    feed(&mut filter, false, true, now.wrapping_add(100));
     let motion = update(&mut filter, now.wrapping_add(5000));
     assert!(motion.speed.0 <= 10 && (motion.counts, motion.edges) == (1, 1), "{motion:?}");
-    filter.feed(true, clock(now.wrapping_add(10_100)), || false);
+    feed(&mut filter, true, false, now.wrapping_add(10_100));
     let motion = update(&mut filter, now.wrapping_add(15_000));
     assert!((motion.speed.rpm() - 9.96).abs() < 0.01, "from the second edge on: {motion:?}");
 }
@@ -190,7 +195,7 @@ fn an_edge_back_and_forth_is_no_motion() {
     let (mut encoder, mut filter, mut position) = (Encoder::default(), Filter::new(), 0);
     for tick in 0..200 {
         // Channel 2 is dead: each edge of channel 1 goes back on the one before.
-        filter.feed(tick % 2 == 0, clock(tick * TICK_US + 4000), || false);
+        feed(&mut filter, tick % 2 == 0, false, tick * TICK_US + 4000);
         let motion = encoder.update(&take(&mut filter, (tick + 1) * TICK_US), Micros((tick + 1) * TICK_US), scale);
         position += motion.counts;
         assert!((0..=1).contains(&position) && motion.edges == 1);
@@ -207,10 +212,10 @@ fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
         let spike = (start..start + 3).contains(&us);
         if spike && !seen {
             // The interrupt comes so late that it finds the level of before.
-            filter.feed(level, clock(offset.wrapping_add(us)), || us >= 11_000);
+            feed(&mut filter, level, us >= 11_000, offset.wrapping_add(us));
         } else if (level != spike) != line {
             line = level != spike;
-            filter.feed(line, clock(offset.wrapping_add(us)), || us >= 11_000);
+            feed(&mut filter, line, us >= 11_000, offset.wrapping_add(us));
         }
     }
     take(&mut filter, offset.wrapping_add(15_000))
@@ -281,7 +286,7 @@ fn turning() -> (Filter, impl FnMut(&mut Filter, u32) -> Motion) {
         encoder.update(&take(filter, now), Micros(now), centi_rpm_scale(COUNTS_PER_TURN as f32))
     };
     for edge in 1..=20 {
-        filter.feed(edge % 2 == 1, clock(2500 * edge), || edge % 2 == 0);
+        feed(&mut filter, edge % 2 == 1, edge % 2 == 0, 2500 * edge);
         update(&mut filter, 2500 * edge + 2000);
     }
     (filter, update)
@@ -294,11 +299,33 @@ fn a_tick_within_a_spike_does_not_take_it() {
     assert!((before.speed.rpm() - 39.85).abs() < 0.01);
     // In two ticks, one after the other.
     for begin in [52_200, 52_300] {
-        filter.feed(true, clock(begin), || false);
+        feed(&mut filter, true, false, begin);
         let within = update(&mut filter, begin + 8);
-        filter.feed(false, clock(begin + 12), || false);
+        feed(&mut filter, false, false, begin + 12);
         let after = update(&mut filter, begin + 90);
         assert_eq!((within, after), (before, Motion { glitches: 2, ..before }));
+    }
+}
+
+#[test]
+fn a_spike_on_channel_2_at_an_edge_of_channel_1_does_not_turn_the_direction() {
+    for forward in [true, false] {
+        let mut filter = Filter::new();
+        let (mut edges, mut glitches) = (0, 0);
+        for edge in 1..=200u32 {
+            let (channel_1, channel_2) = (edge % 2 == 1, (edge % 2 == 0) == forward);
+            let is_spike = edge % 7 == 0;
+            let mut is_later = false;
+            filter.feed(channel_1, channel_2 != is_spike, clock(2500 * edge), || {
+                is_later = true;
+                channel_2
+            });
+            assert_eq!(is_later, is_spike || edge == 1, "{edge}: only a turn has to wait");
+            let found = take(&mut filter, 2500 * edge + 100);
+            edges = found.last.count;
+            glitches += found.glitches;
+        }
+        assert_eq!((edges, glitches), (if forward { 200 } else { -200 }, 0));
     }
 }
 
@@ -309,14 +336,14 @@ fn an_edge_whose_channel_2_is_disturbed_is_noticed() {
     let mut glitches = 0;
     for edge in 1..=200u32 {
         let channel_2 = (edge % 2 == 0) != (edge % 10 == 0);
-        filter.feed(edge % 2 == 1, clock(2500 * edge), || channel_2);
+        feed(&mut filter, edge % 2 == 1, channel_2, 2500 * edge);
         found = take(&mut filter, 2500 * edge + 100);
         glitches += found.glitches;
     }
     assert_eq!((found.last.count, glitches), (200 - 2 * 20, 19), "the last one is not turned back yet");
     // A shaft that turns round does so once.
     for edge in 201..=300u32 {
-        filter.feed(edge % 2 == 1, clock(2500 * edge), || edge % 2 == 1);
+        feed(&mut filter, edge % 2 == 1, edge % 2 == 1, 2500 * edge);
         assert_eq!(take(&mut filter, 2500 * edge + 100).glitches, 0, "edge {edge}");
     }
 }
@@ -325,8 +352,8 @@ fn an_edge_whose_channel_2_is_disturbed_is_noticed() {
 fn edges_closer_than_60_us_are_a_spike() {
     for (apart, motion) in [(59, (0, 2)), (60, (2, 0))] {
         let mut filter = Filter::new();
-        filter.feed(true, clock(10_000), || false);
-        filter.feed(false, clock(10_000 + apart), || true);
+        feed(&mut filter, true, false, 10_000);
+        feed(&mut filter, false, true, 10_000 + apart);
         let edges = take(&mut filter, 11_000);
         assert_eq!((edges.number, edges.glitches), motion, "{apart} µs");
     }
@@ -336,7 +363,7 @@ fn edges_closer_than_60_us_are_a_spike() {
 fn an_edge_is_taken_when_it_can_no_longer_be_a_spike() {
     for (age, number) in [(0, 0), (59, 0), (60, 1)] {
         let mut filter = Filter::new();
-        filter.feed(true, clock(10_000), || false);
+        feed(&mut filter, true, false, 10_000);
         assert_eq!(take(&mut filter, 10_000 + age).number, number, "{age} µs old");
     }
 }
@@ -345,10 +372,10 @@ fn an_edge_is_taken_when_it_can_no_longer_be_a_spike() {
 fn edges_count_from_the_level_at_the_start() {
     let mut filter = Filter::new();
     filter.start(true);
-    filter.feed(true, clock(10_000), || false);
+    feed(&mut filter, true, false, 10_000);
     let edges = take(&mut filter, 15_000);
     assert_eq!((edges.number, edges.glitches), (0, 1));
-    filter.feed(false, clock(20_000), || false);
+    feed(&mut filter, false, false, 20_000);
     let edges = take(&mut filter, 25_000);
     assert_eq!((edges.number, edges.last), (1, Edge { count: -1, time: Micros(20_000) }));
 }
@@ -358,7 +385,7 @@ fn more_spikes_than_the_limit_are_noise_until_the_next_tick() {
     let mut filter = Filter::new();
     for tick in 0..3 {
         for edge in 1..=60u32 {
-            let noisy = filter.feed(edge % 2 == 1, clock(tick * TICK_US + 5 * edge), || false);
+            let noisy = feed(&mut filter, edge % 2 == 1, false, tick * TICK_US + 5 * edge);
             assert_eq!(noisy, edge > u32::from(MAX_GLITCHES) + 1, "{edge}");
         }
         assert!(take(&mut filter, (tick + 1) * TICK_US).is_noisy);
@@ -371,7 +398,7 @@ fn as_many_spikes_as_the_limit_are_counted() {
     for (edges, is_noisy) in [(MAX_GLITCHES, false), (MAX_GLITCHES + 2, true)] {
         let mut filter = Filter::new();
         for edge in 1..=u32::from(edges) {
-            filter.feed(edge % 2 == 1, clock(5 * edge), || false);
+            feed(&mut filter, edge % 2 == 1, false, 5 * edge);
         }
         let taken = take(&mut filter, TICK_US);
         assert_eq!((taken.glitches, taken.is_noisy), (edges, is_noisy));
@@ -382,7 +409,7 @@ fn as_many_spikes_as_the_limit_are_counted() {
 fn a_speed_too_high_for_its_number_saturates() {
     let (mut encoder, mut filter) = (Encoder::default(), Filter::new());
     for edge in 1..=3 {
-        filter.feed(edge % 2 == 1, clock(400 * edge), || edge % 2 == 1);
+        feed(&mut filter, edge % 2 == 1, edge % 2 == 1, 400 * edge);
         let now = 400 * edge + 200;
         let motion = encoder.update(&take(&mut filter, now), Micros(now), centi_rpm_scale(1.0));
         assert_eq!(motion.speed, CentiRpm(if edge == 1 { 0 } else { -i16::MAX }));

@@ -17,8 +17,8 @@ use protocol::units::{
     AccelRange, AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, SensorCounts,
 };
 use protocol::{
-    Calibration, Command, Fault, FaultRecord, MAX_DRIVE_MS, Refusal, Reply, ResetCause, SetPoint, Settings, State,
-    VERSION,
+    Calibration, Command, Fault, FaultRecord, Info, MAX_DRIVE_MS, Message, Refusal, Reply, ResetCause, SetPoint,
+    Settings, State, VERSION,
 };
 use robot::{Bench, TICK_US, World};
 
@@ -302,6 +302,27 @@ fn the_fault_log_tells_what_happened_before_a_reset() {
     assert!(lost.duty[0].0 > 0 && lost.duty[1].0 < 0 && lost.time.0 > 500_000, "{lost:?}");
     assert_eq!(entry(2), FaultRecord::default());
     assert_eq!(bench.ask(Command::ReadFault { index: 8 }), Reply::Refused(Refusal::OutOfRange));
+}
+
+#[test]
+fn a_fault_is_being_logged_until_its_record_is_complete() {
+    let mut bench = running();
+    assert!(!bench.app.is_logging());
+    while bench.app.is_driven() {
+        bench.tick();
+    }
+    let fault = |bench: &mut Bench| match bench.ask(Command::ReadFault { index: 0 }) {
+        Reply::FaultRecord(record) => record.fault,
+        other => panic!("{other:?}"),
+    };
+    let mut ticks = 0;
+    while bench.app.is_logging() {
+        assert_eq!(fault(&mut bench), Fault::None, "after {ticks} ticks");
+        bench.tick();
+        ticks += 1;
+    }
+    assert!((10..100).contains(&ticks), "{ticks}");
+    assert_eq!(fault(&mut bench), Fault::LinkLost);
 }
 
 #[test]

@@ -281,7 +281,8 @@ impl Bench {
                 // Evenly spaced, the last one shortly before the tick.
                 let time = self.now.wrapping_sub(200 + TICK_US * edge / speed.unsigned_abs());
                 encoder.level = !encoder.level;
-                encoder.filter.feed(encoder.level, clock(time), || encoder.level != (speed > 0));
+                let channel_2 = encoder.level != (speed > 0);
+                encoder.filter.feed(encoder.level, channel_2, clock(time), || channel_2);
             }
         }
         self.app.watch_link(Micros(self.now));

@@ -113,6 +113,8 @@ fn a_cut_in_the_count_of_a_start_makes_it_count_or_not() {
 fn lose_link(host: &mut Host) {
     host.order(Command::WriteSettings(Settings { deadline_ms: 50, ..Settings::DEFAULT }));
     host.order(Command::SetSpeeds([CentiRpm(3000); 2]));
+    // They turn from the next tick on.
+    host.run_ms(10);
     while !host.board.bridge().pwm.iter().all(|duty| *duty == 0) {
         host.run_ms(1);
     }
@@ -139,27 +141,58 @@ fn a_cut_in_the_writing_of_a_fault_leaves_the_log_of_the_others() {
     let before = fault_log(&mut host);
     assert!(before.iter().all(|record| record.fault == Fault::LinkLost), "{before:?}");
     let eeprom = host.board.eeprom_mut().to_vec();
-    let [mut lost, mut logged, mut cuts] = [0; 3];
+    let [mut instead, mut logged, mut cuts] = [0; 3];
     while logged < 3 {
         let mut host = with(&eeprom);
         host.hello();
         lose_link(&mut host);
         cut(&mut host, cuts * STEP);
         host.hello();
+        host.run_ms(150);
         let after = fault_log(&mut host);
-        if after[0] == before[0] {
-            lost += 1;
-            assert_eq!(after[..7], before[..7], "cut {cuts}");
-        } else {
-            logged += 1;
-            assert_eq!((after[0].fault, after[0].boot, &after[1..]), (Fault::LinkLost, 2, &before[..7]), "cut {cuts}");
-        }
+        let has_hang = (after[0].fault, after[0].boot) == (Fault::Hang, 3);
+        let after = &after[usize::from(has_hang)..];
+        let has_fault = (after[0].fault, after[0].boot) == (Fault::LinkLost, 2);
+        assert!(has_hang || has_fault, "cut {cuts} leaves no trace: {after:?}");
+        let older = &after[usize::from(has_fault)..];
+        assert_eq!(older, &before[..older.len()], "cut {cuts}");
+        logged += u64::from(has_fault);
+        instead += u64::from(!has_fault);
         cuts += 1;
         assert!(cuts < 150, "never logged");
     }
     row(
-        format!("power cut while a fault is logged, {cuts} times"),
-        format!("{logged} times with it, {lost} without, the seven before it kept"),
-        "one of them, all seven",
+        format!("power cut while the fault that ended a run is logged, {cuts} times"),
+        format!("{logged} times with it, {instead} with Hang instead, those before it kept"),
+        "one of them, those before it",
+    );
+}
+
+/// A plug that bounces: the second reset comes while the first one is being logged, which takes 0.1 s.
+#[test]
+fn a_reset_in_a_run_is_logged_though_another_one_follows() {
+    let apart_ms = [0, 13, 29, 57, 96];
+    for ms in apart_ms {
+        let mut host = Host::ready(BoardOptions::default());
+        host.set_speeds([50.5, -20.25]);
+        host.run_linked_ms(100);
+        cut(&mut host, 0);
+        cut(&mut host, ms * MS);
+        host.hello();
+        host.stream();
+        host.run_ms(150);
+        assert_eq!((host.fault(), fault_log(&mut host)[0].fault), (Fault::Hang, Fault::Hang), "{ms} ms");
+        // Once, and it is over.
+        host.reset();
+        host.hello();
+        host.stream();
+        host.run_ms(150);
+        let faults = fault_log(&mut host).iter().filter(|record| record.fault != Fault::None).count();
+        assert_eq!((host.fault(), faults), (Fault::None, 1), "{ms} ms");
+    }
+    row(
+        format!("a second reset {apart_ms:?} ms after one in a run"),
+        "Hang latched and logged once",
+        "latched, logged",
     );
 }

@@ -1,0 +1,158 @@
+//! The interrupts of the encoders, written by hand: what has to be done at a spike by the PWM, and the way to [`edge_of_1`] and
+//! [`edge_of_2`].
+
+use core::arch::global_asm;
+use core::mem::{offset_of, size_of};
+
+use firmware::encoder::{MAX_PWM_SPIKES, PWM_SPIKE};
+
+use super::{BITS, ENCODERS, Encoder, REST, clock, edge_of_1, edge_of_2};
+use crate::board::serial::{SCRATCH, SREG};
+
+/// The interrupts' registers: those below 0x40 in the space of input and output, the others in the memory (section 31).
+const PIND: u8 = 0x09;
+const EIFR: u8 = 0x1C;
+const EIMSK: u8 = 0x1D;
+const TCNT0: u8 = 0x26;
+const GPIOR1: u8 = 0x2A;
+const OCR0A: u8 = 0x27;
+const TCNT2: u8 = 0xB2;
+const OCR2A: u8 = 0xB3;
+
+/// Returns the place of a field of an encoder in [`ENCODERS`].
+const fn place(encoder: usize, field: usize) -> usize {
+    encoder * size_of::<Encoder>() + field
+}
+
+/// The interrupt of an encoder. It asks [`is_by_pwm`](firmware::encoder::is_by_pwm) for both timers. If the PWM does not disturb, it
+/// goes on to `edge`, else it notes the change or its end.
+macro_rules! interrupt_of {
+    ($vector:literal, $encoder:literal, $edge:ident) => {
+        global_asm!(
+            concat!(".global ", $vector),
+            concat!($vector, ":"),
+            "out {scratch}, r24",
+            "in r24, {sreg}",
+            "push r24",
+            "push r25",
+            "in r24, {tcnt0}",
+            "cpi r24, {spike}",
+            "brcs 1f",
+            "in r25, {ocr0a}",
+            "sub r24, r25",
+            "cpi r24, {spike} + 1",
+            "brcs 1f",
+            "lds r24, {tcnt2}",
+            "cpi r24, {spike}",
+            "brcs 1f",
+            "lds r25, {ocr2a}",
+            "sub r24, r25",
+            "cpi r24, {spike} + 1",
+            "brcs 1f",
+            "pop r25",
+            "pop r24",
+            "out {sreg}, r24",
+            "in r24, {scratch}",
+            "jmp {edge}",
+            // What comes from here on interrupts again.
+            "1:",
+            "push r30",
+            "mov r25, r24",
+            "ldi r24, {interrupt}",
+            "out {eifr}, r24",
+            "in r24, {pind}",
+            "lds r30, {encoders} + {level}",
+            "eor r24, r30",
+            "lds r30, {encoders} + {has_changed}",
+            "andi r24, {channel_1}",
+            "brne 3f",
+            // Unchanged: the spike is over.
+            "sts {encoders} + {has_changed}, r24",
+            "tst r30",
+            "breq 2f",
+            "lds r30, {encoders} + {other_has_changed}",
+            "tst r30",
+            "brne 2f",
+            "ldi r30, {without_alarm}",
+            "sts {timsk1}, r30",
+            "2:",
+            "lds r24, {encoders} + {spikes}",
+            "inc r24",
+            "sts {encoders} + {spikes}, r24",
+            "cpi r24, {most} + 1",
+            "brcc 4f",
+            "5:",
+            "pop r30",
+            "pop r25",
+            "pop r24",
+            "out {sreg}, r24",
+            "in r24, {scratch}",
+            "reti",
+            // Changed, for the first time since the last edge: looks again at the end of the time since the PWM's edge, which is in
+            // r25.
+            "3:",
+            "tst r30",
+            "brne 5b",
+            "ldi r30, 1",
+            "sts {encoders} + {has_changed}, r30",
+            "lds r24, {tcnt1}",
+            "lds r30, {tcnt1} + 1",
+            "sts {encoders} + {changed}, r24",
+            "sts {encoders} + {changed} + 1, r30",
+            "lsl r25",
+            "lsl r25",
+            "lsl r25",
+            "subi r24, lo8(-({rest}))",
+            "sbci r30, hi8(-({rest}))",
+            "sub r24, r25",
+            "sbci r30, 0",
+            "sts {ocr1b} + 1, r30",
+            "sts {ocr1b}, r24",
+            "ldi r24, {alarm_flag}",
+            "out {tifr1}, r24",
+            "ldi r24, {with_alarm}",
+            "sts {timsk1}, r24",
+            "rjmp 5b",
+            // Too many: off until the next tick.
+            "4:",
+            "in r24, {eimsk}",
+            "andi r24, {without_interrupt}",
+            "out {eimsk}, r24",
+            "out {counting}, r24",
+            "rjmp 5b",
+            sreg = const SREG,
+            scratch = const SCRATCH,
+            tcnt0 = const TCNT0,
+            ocr0a = const OCR0A,
+            tcnt2 = const TCNT2,
+            ocr2a = const OCR2A,
+            spike = const PWM_SPIKE,
+            edge = sym $edge,
+            interrupt = const BITS[$encoder].interrupt,
+            without_interrupt = const !BITS[$encoder].interrupt,
+            channel_1 = const BITS[$encoder].channel_1,
+            eifr = const EIFR,
+            eimsk = const EIMSK,
+            counting = const GPIOR1,
+            pind = const PIND,
+            tcnt1 = const clock::TCNT1L,
+            ocr1b = const clock::OCR1BL,
+            timsk1 = const clock::TIMSK1,
+            tifr1 = const clock::TIFR1,
+            alarm_flag = const clock::ALARM_FLAG,
+            with_alarm = const clock::WITH_ALARM,
+            without_alarm = const clock::WITHOUT_ALARM,
+            rest = const REST,
+            most = const MAX_PWM_SPIKES,
+            encoders = sym ENCODERS,
+            level = const place($encoder, offset_of!(Encoder, level)),
+            has_changed = const place($encoder, offset_of!(Encoder, has_changed)),
+            other_has_changed = const place(1 - $encoder, offset_of!(Encoder, has_changed)),
+            changed = const place($encoder, offset_of!(Encoder, changed)),
+            spikes = const place($encoder, offset_of!(Encoder, spikes)),
+        );
+    };
+}
+
+interrupt_of!("__vector_2", 0, edge_of_1);
+interrupt_of!("__vector_1", 1, edge_of_2);
