@@ -5,7 +5,7 @@
 //! | --- | --- |
 //! | before the first trial | the settings are in the board's EEPROM ([`settings`]) |
 //! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]), the starting angles ([`park`](super::park)) |
-//! | at the end of each calibration | gyroscope still, 1 g, upright, no clipping, the board's clock ([`at_rest`]) |
+//! | at the end of each calibration | enough readings, gyroscope still, 1 g, upright, no clipping, the board's clock ([`at_rest`]) |
 
 use super::board_copy::BoardCopies;
 use super::{RecordError, stream};
@@ -81,6 +81,15 @@ pub enum PreflightError {
     #[error("the board moved during the calibration of the gyroscope")]
     #[diagnostic(help("let the robot come to rest, or make the decay before it longer"))]
     Moved,
+    /// The sensor was silent for most of the calibration.
+    #[error("the sensor gave {readings} readings in the calibration of the gyroscope instead of {planned}")]
+    #[diagnostic(help("check the sensor's cable and its pull-ups; `biflag doctor` tests them"))]
+    FewReadings {
+        /// How many readings were averaged.
+        readings: u16,
+        /// How many should have been.
+        planned: u16,
+    },
     /// The acceleration at rest is not gravity.
     #[error("the accelerometer reads {force_g:.2} g at rest instead of 1 g")]
     #[diagnostic(help(
@@ -208,20 +217,25 @@ fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, Rec
     Ok(frame.supply)
 }
 
-/// Checks the sensor and the clock at the end of the calibration. `clock` is that of the trial so far, and `port` the one
-/// of the board: an emulated board, behind a pseudo-terminal, has a clock of its own speed.
+/// Checks the sensor and the clock at the end of the calibration. `planned`: the number of readings that it should have. `clock` is
+/// that of the trial so far, and `port` the one of the board: an emulated board, behind a pseudo-terminal, has a clock of its own
+/// speed.
 ///
 /// # Errors
-/// [`PreflightError::Moved`], [`PreflightError::Clipped`], [`PreflightError::NotGravity`],
+/// [`PreflightError::Clipped`], [`PreflightError::FewReadings`], [`PreflightError::Moved`], [`PreflightError::NotGravity`],
 /// [`PreflightError::MountedAskew`] or [`PreflightError::ClockDrift`].
 pub fn at_rest(
     calibration: &Calibration,
+    planned: u16,
     rest: AtRest,
     clock: Option<&ClockMeta>,
     port: &str,
 ) -> Result<(), PreflightError> {
     if rest.clipped > 0 {
         return Err(PreflightError::Clipped { count: rest.clipped });
+    }
+    if calibration.samples < planned / 2 {
+        return Err(PreflightError::FewReadings { readings: calibration.samples, planned });
     }
     if !calibration.still {
         return Err(PreflightError::Moved);
@@ -253,12 +267,16 @@ mod tests {
     #[test]
     fn a_sensor_at_rest_passes_and_each_fault_is_refused() {
         const PORT: &str = "/dev/ttyUSB0";
-        let still = Calibration { still: true, ..Calibration::default() };
+        const PLANNED: u16 = 41;
+        let still = Calibration { still: true, samples: 20, ..Calibration::default() };
+        let at_rest = |calibration: &Calibration, rest, clock, port| at_rest(calibration, PLANNED, rest, clock, port);
         let good = AtRest { force_g: Some(1.08), ..AtRest::default() };
         let clock = ClockMeta { pings: 20, drift_ppm: 5000.0, ..ClockMeta::default() };
         assert_eq!(at_rest(&still, good, Some(&clock), PORT), Ok(()));
         assert_eq!(at_rest(&still, AtRest::default(), None, PORT), Ok(()), "too short a rest to know");
-        assert_eq!(at_rest(&Calibration::default(), good, None, PORT), Err(PreflightError::Moved));
+        assert_eq!(at_rest(&Calibration { still: false, ..still }, good, None, PORT), Err(PreflightError::Moved));
+        let few = PreflightError::FewReadings { readings: 19, planned: PLANNED };
+        assert_eq!(at_rest(&Calibration { samples: 19, ..still }, good, None, PORT), Err(few));
         for force_g in [0.84, 1.16, 0.5, 2.0] {
             let rest = AtRest { force_g: Some(force_g), ..good };
             assert_eq!(at_rest(&still, rest, None, PORT), Err(PreflightError::NotGravity { force_g }));

@@ -6,8 +6,7 @@
 
 use super::recorder::{Frame, Recorder};
 use super::trial::{
-    CALIBRATION_MARGIN_S, RigRun, RunContext, SHORTEST_CALIBRATION_S, Said, calibrate, end_calibration, record,
-    settling_s,
+    CALIBRATION_MARGIN_S, RigRun, RunContext, SHORTEST_CALIBRATION_S, Said, calibrate, record, settling_s,
 };
 use super::{RecordError, still};
 use crate::link::Asked;
@@ -101,8 +100,7 @@ fn rest(
     let mut start_us = recorder.rested_us();
     if trial.phases.calibrate_s > 0.0 {
         let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
-        calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
-        let calibration = end_calibration(recorder, true)?;
+        let calibration = calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S, true)?;
         start_us += ticks_us(calibrate_s + settling_s(settings, &calibration));
         record_until(recorder, context, start_us)?;
     }

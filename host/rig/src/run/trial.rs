@@ -197,9 +197,9 @@ fn phases(
     let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
         let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
-        calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
         // Before the start: a refusal must not come after motors that turn.
-        let calibration = end_calibration(recorder, trial.speeds != [CentiRpm(0); 2])?;
+        let calibration =
+            calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S, trial.speeds != [CentiRpm(0); 2])?;
         let calibrated_s = calibrate_s + settling_s(settings, &calibration);
         let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;
@@ -305,13 +305,15 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), Re
     Ok(())
 }
 
-/// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
+/// Calibrates the gyroscope for `duration_s`. Returns the result if it passes [`preflight::at_rest`]; `turns`: whether the motors
+/// will.
 pub(super) fn calibrate(
     recorder: &mut Recorder,
     context: &RunContext,
     trial: &Trial,
     duration_s: f64,
-) -> Result<(), RecordError> {
+    turns: bool,
+) -> Result<Calibration, RecordError> {
     context.progress.phase(&trial.name, Phase::Calibrate.name());
     recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us())?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
@@ -319,7 +321,15 @@ pub(super) fn calibrate(
     recorder.command(Command::CalibrateGyro { duration_ms })?;
     let asked_us = recorder.board_now_us()?;
     let is_over = |frame: &Frame| frame.board_us > asked_us && frame.telemetry.state != State::Calibrating;
-    record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
+    record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None)?;
+    let calibration = recorder.calibration()?;
+    recorder.trial.calibration(&calibration, SystemTime::now())?;
+    let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    // A sensor that is turned by hand may lie anyhow.
+    rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
+    let planned = (duration_s * f64::from(TICK_HZ)) as u16;
+    preflight::at_rest(&calibration, planned, rest, clock.as_ref(), recorder.link.path())?;
+    Ok(calibration)
 }
 
 /// Returns the time in which the board's filter forgets the bias that it had before a calibration, whole tenths of a second:
@@ -332,14 +342,4 @@ pub(super) fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 
     // A change of nothing settles at once; a filter without a gain never does.
     let settles_s = if settles_s > 0.0 { settles_s.min(LONGEST_SETTLING_S) } else { 0.0 };
     (settles_s * 10.0).ceil() / 10.0
-}
-
-pub(super) fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<Calibration, RecordError> {
-    let calibration = recorder.calibration()?;
-    recorder.trial.calibration(&calibration, SystemTime::now())?;
-    let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
-    // A sensor that is turned by hand may lie anyhow.
-    rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
-    preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?;
-    Ok(calibration)
 }
