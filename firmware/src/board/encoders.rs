@@ -12,9 +12,9 @@
 use core::arch::asm;
 use core::mem::take as replace;
 
-use avr_device::atmega328p::{CPU, EXINT, PORTD, TC0, TC1, TC2, cpu, exint};
+use avr_device::atmega328p::{CPU, EXINT, PORTD, TC0, TC1, TC2, cpu};
 use avr_device::interrupt::{self, CriticalSection};
-use firmware::encoder::{Edges, Filter, PWM_SPIKE, is_by_pwm};
+use firmware::encoder::{DUTY_CHANGE, Edges, Filter, PWM_SPIKE, is_by_pwm};
 
 use super::clock;
 
@@ -45,9 +45,10 @@ fn outlast_spike() {
 }
 
 /// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
-const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
+/// The edge may be later than the compare value says.
+const REST: u16 = 8 * (PWM_SPIKE + 1 + 2 * DUTY_CHANGE) as u16;
 
-/// An encoder. The interrupt that is written by hand uses the first four fields.
+/// An encoder. The interrupt that is written by hand uses the first five fields.
 #[repr(C)]
 struct Encoder {
     /// Channel 1 after the last edge, as its bit of the port.
@@ -58,13 +59,15 @@ struct Encoder {
     changed: u16,
     /// Number of spikes in step with the PWM.
     spikes: u8,
+    /// The levels of the port at the interrupt, if the PWM did not disturb then.
+    port: u8,
     bits: Bits,
     filter: Filter,
 }
 
 impl Encoder {
     const fn new(bits: Bits) -> Self {
-        Self { level: 0, has_changed: 0, changed: 0, spikes: 0, bits, filter: Filter::new() }
+        Self { level: 0, has_changed: 0, changed: 0, spikes: 0, port: 0, bits, filter: Filter::new() }
     }
 }
 
@@ -143,6 +146,12 @@ fn counting() -> &'static cpu::GPIOR1 {
     unsafe { &(*CPU::ptr()).gpior1 }
 }
 
+/// Turns the interrupt of an encoder off until [`take`].
+fn disable_until_tick(interrupt: u8) {
+    let others = counting().read().bits() & !interrupt;
+    count_with(others);
+}
+
 /// Turns these interrupts of the encoders on, and the others off.
 fn count_with(interrupts: u8) {
     // SAFETY: any value is valid in these registers.
@@ -152,22 +161,20 @@ fn count_with(interrupts: u8) {
     }
 }
 
-/// Takes a change of channel 1, at whose interrupt these were the levels of the port and the clock's counter.
+/// Takes a change of channel 1, at whose interrupt the clock's counter was `counter`.
 #[inline(never)]
-fn edge(encoder: &mut Encoder, mut port: u8, counter: u16) {
-    let Bits { channel_1, interrupt, .. } = encoder.bits;
-    if pwm_disturbs() {
-        // The edge of the PWM may be older than the levels.
-        if (port ^ encoder.level) & channel_1 != 0 && encoder.has_changed == 0 {
-            encoder.has_changed = 1;
-            encoder.changed = counter;
-            clock::alarm(counter.wrapping_add(REST));
+fn edge(encoder: &mut Encoder, counter: u16) {
+    let (mut port, interrupt) = (encoder.port, encoder.bits.interrupt);
+    // SAFETY: a one clears the flag of this interrupt only, and only the interrupts of the encoders use the register.
+    let flags = unsafe { &(*EXINT::ptr()).eifr };
+    if flags.read().bits() & interrupt != 0 {
+        // Another edge has come since the interrupt, so that one of the two is that of a spike. If that is one by the PWM, it
+        // interrupts next.
+        if pwm_disturbs() {
+            return;
         }
-        return;
-    }
-    if flags().read().bits() & interrupt != 0 {
-        port = levels_now(interrupt);
-        // Another edge has come since the interrupt, so that one of the two is that of a spike.
+        flags.write(|write| unsafe { write.bits(interrupt) });
+        port = levels();
         encoder.filter.reject(1);
     }
     settle(encoder, port, counter);
@@ -185,8 +192,8 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
         }
     }
     encoder.level = port & channel_1;
-    alone(|| {
-        let is_noisy = encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
+    let is_noisy = alone(|| {
+        encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
             outlast_spike();
             loop {
                 let port = levels();
@@ -194,11 +201,11 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
                     break port & channel_2 != 0;
                 }
             }
-        });
-        if is_noisy {
-            counting().modify(|read, write| write.bits(read.bits() & !interrupt));
-        }
+        })
     });
+    if is_noisy {
+        disable_until_tick(interrupt);
+    }
 }
 
 /// Takes the changes of channel 1 that no spike has ended, or looks again if the PWM disturbs the lines again.
@@ -213,20 +220,6 @@ fn look_again(cs: CriticalSection) {
             settle(encoder, port, 0);
         }
     }
-}
-
-/// Returns the levels of the port. A later edge of the encoder interrupts.
-#[inline(always)]
-fn levels_now(interrupt: u8) -> u8 {
-    // SAFETY: a one clears the flag of this interrupt only.
-    flags().write(|write| unsafe { write.bits(interrupt) });
-    levels()
-}
-
-#[inline(always)]
-fn flags() -> &'static exint::EIFR {
-    // SAFETY: only the interrupts of the encoders use the register.
-    unsafe { &(*EXINT::ptr()).eifr }
 }
 
 /// Returns whether the lines may be disturbed, because the voltage at a motor has just changed.
@@ -259,13 +252,11 @@ fn TIMER1_COMPB() {
 }
 
 extern "avr-interrupt" fn edge_of_1() {
-    let (port, counter) = (levels(), clock::counter());
     // SAFETY: interrupts are off in an interrupt.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[0], port, counter);
+    edge(&mut encoders(unsafe { CriticalSection::new() })[0], clock::counter());
 }
 
 extern "avr-interrupt" fn edge_of_2() {
-    let (port, counter) = (levels(), clock::counter());
     // SAFETY: as above.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[1], port, counter);
+    edge(&mut encoders(unsafe { CriticalSection::new() })[1], clock::counter());
 }

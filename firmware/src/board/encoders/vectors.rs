@@ -4,7 +4,7 @@
 use core::arch::global_asm;
 use core::mem::{offset_of, size_of};
 
-use firmware::encoder::{MAX_PWM_SPIKES, PWM_SPIKE};
+use firmware::encoder::{DUTY_CHANGE, MAX_PWM_SPIKES, PWM_SPIKE};
 
 use super::{BITS, ENCODERS, Encoder, REST, clock, edge_of_1, edge_of_2};
 use crate::board::serial::{SCRATCH, SREG};
@@ -35,19 +35,23 @@ macro_rules! interrupt_of {
             "in r24, {sreg}",
             "push r24",
             "push r25",
+            "in r24, {pind}",
+            "sts {encoders} + {port}, r24",
             "in r24, {tcnt0}",
             "cpi r24, {spike}",
             "brcs 1f",
             "in r25, {ocr0a}",
             "sub r24, r25",
-            "cpi r24, {spike} + 1",
+            "subi r24, -{duty_change}",
+            "cpi r24, {spike} + 2 * {duty_change} + 1",
             "brcs 1f",
             "lds r24, {tcnt2}",
             "cpi r24, {spike}",
             "brcs 1f",
             "lds r25, {ocr2a}",
             "sub r24, r25",
-            "cpi r24, {spike} + 1",
+            "subi r24, -{duty_change}",
+            "cpi r24, {spike} + 2 * {duty_change} + 1",
             "brcs 1f",
             "pop r25",
             "pop r24",
@@ -127,6 +131,7 @@ macro_rules! interrupt_of {
             tcnt2 = const TCNT2,
             ocr2a = const OCR2A,
             spike = const PWM_SPIKE,
+            duty_change = const DUTY_CHANGE,
             edge = sym $edge,
             interrupt = const BITS[$encoder].interrupt,
             without_interrupt = const !BITS[$encoder].interrupt,
@@ -150,6 +155,7 @@ macro_rules! interrupt_of {
             other_has_changed = const place(1 - $encoder, offset_of!(Encoder, has_changed)),
             changed = const place($encoder, offset_of!(Encoder, changed)),
             spikes = const place($encoder, offset_of!(Encoder, spikes)),
+            port = const place($encoder, offset_of!(Encoder, port)),
         );
     };
 }
