@@ -81,7 +81,7 @@ pub enum Body {
     Flagella(foxglove::SceneUpdate),
     /// `/flagella_points`.
     FlagellaPoints(foxglove::PointCloud),
-    /// A channel that this program does not know.
+    /// A channel that this program does not know, or a message that cannot be decoded.
     Other(Vec<u8>),
 }
 
@@ -280,7 +280,13 @@ impl Reader {
                     None => (format!("channel {}", header.channel_id), ""),
                 };
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
-                let body = wanted.then(|| Body::decode(&topic, schema, data));
+                let bytes = data.len() as u64;
+                let body = wanted.then(|| {
+                    Body::decode(&topic, schema, data).unwrap_or_else(|data| {
+                        self.scanner.lose(self.scanner.offset(), bytes, "a message that cannot be decoded");
+                        Body::Other(data)
+                    })
+                });
                 *self.counts.entry(topic.clone()).or_default() += 1;
                 return body.map(|body| Message {
                     topic,
@@ -341,7 +347,8 @@ impl Body {
         }
     }
 
-    fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Self {
+    /// Decodes a message. Returns its bytes if they are none of its channel's type.
+    fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Result<Self, Vec<u8>> {
         fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
             M::decode(data).ok().map(body)
         }
@@ -358,9 +365,9 @@ impl Body {
             Some("/steering") => read(&data, |steering| Self::Steering(Box::new(steering))),
             Some("/flagella") => read(&data, Self::Flagella),
             Some("/flagella_points") => read(&data, Self::FlagellaPoints),
-            _ => None,
+            _ => return Ok(Self::Other(data)),
         };
-        known.unwrap_or(Self::Other(data))
+        known.ok_or(data)
     }
 }
 

@@ -275,7 +275,8 @@ impl<R: Read + Seek> Scanner<R> {
         self.offset += record.bytes.len() as u64;
     }
 
-    fn lose(&mut self, offset: u64, bytes: u64, what: &'static str) {
+    /// Notes a place that cannot be read.
+    pub fn lose(&mut self, offset: u64, bytes: u64, what: &'static str) {
         self.losses.push(Loss { offset, bytes, what });
     }
 

@@ -175,3 +175,26 @@ fn original_log_without_a_crc_is_damaged() {
     broken[data_end + 9..data_end + 13].fill(0);
     assert_ne!(read(&broken).1, Condition::Clean);
 }
+
+#[test]
+fn message_that_cannot_be_decoded_damages_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write(&path, 100);
+    let mut bytes = rewrite(&path, Rewriting { chunks: false, crcs: false, index: false, lz4: false });
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(check_by_reading(&path), (Condition::Rewritten, 0));
+    // A message's record has a length, its channel, a number and two times before the content. No field has the wire type 7.
+    const EVENT: [u8; 2] = [6, 0];
+    let event = bytes.windows(11).position(|bytes| bytes[0] == 0x05 && bytes[9..] == EVENT).unwrap();
+    bytes[event + 31] = 0x07;
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(check_by_reading(&path), (Condition::Damaged, 1));
+}
+
+/// Returns a log's condition and number of losses after its last message.
+fn check_by_reading(path: &Path) -> (Condition, usize) {
+    let mut reader = Reader::open(path).unwrap();
+    reader.by_ref().for_each(|message| drop(message.unwrap()));
+    (reader.condition().unwrap(), reader.losses().len())
+}
