@@ -302,6 +302,12 @@ fn a_session_with_a_damaged_log_is_reported() {
     let report = bench.run(["doctor", "bench", "--json"]).expect_code(3).json();
     expect(&report, "trial 001_w1+0_w2+0_r1", false, &["cut off", "biflag recover bench/001_w1+0_w2+0_r1.mcap"]);
     expect(&report, "trial 002_w1+0_w2+0_r2", true, &["whole"]);
+    // As while the trial is being recorded.
+    let manifest = std::fs::File::open(bench.path().join("bench/session.toml")).unwrap();
+    manifest.lock().unwrap();
+    let report = bench.run(["doctor", "bench", "--json"]).expect_code(3).json();
+    expect(&report, "trial 001_w1+0_w2+0_r1", false, &["being recorded", "when `biflag record` has ended"]);
+    drop(manifest);
     expect_error(&bench.run(["doctor", "config"]), 2, &["not a session folder"]);
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::findings::finding_line;
 use super::{Check, Finding, check};
-use crate::session::{Session, TrialState};
+use crate::session::{Session, TrialState, is_in_use};
 use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::End;
 use rayon::prelude::*;
@@ -11,9 +11,10 @@ use std::path::Path;
 /// Checks each trial; returns also the findings about all logs.
 pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFinding>)> {
     let states = Session::open(folder)?.checked_states()?;
+    let is_in_use = is_in_use(folder);
     let one = |state: &TrialState| {
         let found = found(state);
-        (check(format!("trial {}", state.trial.name), judged(trial(state), &found)), found)
+        (check(format!("trial {}", state.trial.name), judged(trial(state, is_in_use), &found)), found)
     };
     let (checks, found): (Vec<_>, Vec<_>) = states.par_iter().map(one).collect();
     Ok((checks, found.concat()))
@@ -38,7 +39,8 @@ fn judged(result: Finding, found: &[LogFinding]) -> Finding {
     }
 }
 
-fn trial(state: &TrialState) -> Finding {
+/// Returns the condition of a trial's log. `is_in_use`: whether a program writes into the session.
+fn trial(state: &TrialState, is_in_use: bool) -> Finding {
     let repeat = "`biflag record PLAN --resume` repeats the trial".to_owned();
     if let Some(attempt) = state.complete() {
         let samples = attempt.summary.as_ref().map_or(0, |summary| summary.link.samples);
@@ -49,6 +51,10 @@ fn trial(state: &TrialState) -> Finding {
     let recover = format!("`biflag recover {path}` keeps what can be read; {repeat}");
     match &last.summary {
         _ if !last.losses.is_empty() => Err((format!("{path}: {}", last.losses.join("; ")), recover)),
+        None if is_in_use => {
+            let wait = "ask again when `biflag record` has ended: no log is recovered before".to_owned();
+            Err((format!("{path} is being recorded, or is cut off"), wait))
+        }
         None => Err((format!("{path} is cut off"), recover)),
         Some(summary) if summary.end == End::Complete => Err((format!("{path} is damaged"), recover)),
         Some(summary) => Err((format!("{path} is not complete: {}", summary.reason), repeat)),
