@@ -37,13 +37,6 @@ pub const MAX_PWM_SPIKES: u8 = 80;
 /// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: a little more than [`SPIKE_US`].
 pub const PWM_SPIKE: u8 = 16;
 
-/// Returns whether a motor's PWM has just had an edge: at the count of 0, or at that after `compare`. A new compare value comes
-/// into force at 0 only, so that this edge may be a count away from it.
-#[inline(always)]
-pub fn is_by_pwm(count: u8, compare: u8) -> bool {
-    count < PWM_SPIKE || count.wrapping_sub(compare) <= PWM_SPIKE
-}
-
 /// [`SPIKE_US`] in counts of the clock.
 const SPIKE: u16 = 2 * SPIKE_US;
 

@@ -12,9 +12,9 @@
 use core::arch::asm;
 use core::mem::take as replace;
 
-use avr_device::atmega328p::{CPU, EXINT, PORTD, TC0, TC1, TC2, cpu, exint};
+use avr_device::atmega328p::{CPU, EXINT, PORTD, TC1, cpu, exint};
 use avr_device::interrupt::{self, CriticalSection};
-use firmware::encoder::{Edges, Filter, PWM_SPIKE, is_by_pwm};
+use firmware::encoder::{Edges, Filter, PWM_SPIKE};
 
 use super::clock;
 
@@ -47,7 +47,7 @@ fn outlast_spike() {
 /// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
 const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
 
-/// An encoder. The interrupt that is written by hand uses the first four fields.
+/// An encoder. The interrupt that is written by hand uses the first five fields.
 #[repr(C)]
 struct Encoder {
     /// Channel 1 after the last edge, as its bit of the port.
@@ -58,13 +58,15 @@ struct Encoder {
     changed: u16,
     /// Number of spikes in step with the PWM.
     spikes: u8,
+    /// The levels of the port at the last interrupt.
+    port: u8,
     bits: Bits,
     filter: Filter,
 }
 
 impl Encoder {
     const fn new(bits: Bits) -> Self {
-        Self { level: 0, has_changed: 0, changed: 0, spikes: 0, bits, filter: Filter::new() }
+        Self { level: 0, has_changed: 0, changed: 0, spikes: 0, port: 0, bits, filter: Filter::new() }
     }
 }
 
@@ -152,19 +154,11 @@ fn count_with(interrupts: u8) {
     }
 }
 
-/// Takes a change of channel 1, at whose interrupt these were the levels of the port and the clock's counter.
+/// Takes a change of channel 1, at whose interrupt this was the clock's counter, and the PWM did not disturb.
 #[inline(never)]
-fn edge(encoder: &mut Encoder, mut port: u8, counter: u16) {
-    let Bits { channel_1, interrupt, .. } = encoder.bits;
-    if pwm_disturbs() {
-        // The edge of the PWM may be older than the levels.
-        if (port ^ encoder.level) & channel_1 != 0 && encoder.has_changed == 0 {
-            encoder.has_changed = 1;
-            encoder.changed = counter;
-            clock::alarm(counter.wrapping_add(REST));
-        }
-        return;
-    }
+fn edge(encoder: &mut Encoder, counter: u16) {
+    let Bits { interrupt, .. } = encoder.bits;
+    let mut port = encoder.port;
     if flags().read().bits() & interrupt != 0 {
         port = levels_now(interrupt);
         // Another edge has come since the interrupt, so that one of the two is that of a spike.
@@ -188,12 +182,17 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
     alone(|| {
         let is_noisy = encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
             outlast_spike();
-            loop {
-                let port = levels();
+            let settled = loop {
+                let later = levels();
                 if !pwm_disturbs() {
-                    break port & channel_2 != 0;
+                    break later;
                 }
-            }
+                // An edge that waits here is perhaps the end of a spike, which a later time would make one by motion.
+                if flags().read().bits() & INT0_INT1 != 0 {
+                    break port;
+                }
+            };
+            settled & channel_2 != 0
         });
         if is_noisy {
             counting().modify(|read, write| write.bits(read.bits() & !interrupt));
@@ -232,10 +231,12 @@ fn flags() -> &'static exint::EIFR {
 /// Returns whether the lines may be disturbed, because the voltage at a motor has just changed.
 #[inline(always)]
 fn pwm_disturbs() -> bool {
-    // SAFETY: the registers are only read.
-    let (timer0, timer2) = unsafe { (&*TC0::ptr(), &*TC2::ptr()) };
-    is_by_pwm(timer0.tcnt0.read().bits(), timer0.ocr0a.read().bits())
-        || is_by_pwm(timer2.tcnt2.read().bits(), timer2.ocr2a.read().bits())
+    let carry: u8;
+    // SAFETY: this changes the two registers only.
+    unsafe {
+        asm!("call {since_pwm}", "sbc r24, r24", since_pwm = sym vectors::since_pwm, out("r24") carry, out("r25") _);
+    }
+    carry != 0
 }
 
 /// Returns the encoders. No caller may keep them when it calls this again.
@@ -259,13 +260,13 @@ fn TIMER1_COMPB() {
 }
 
 extern "avr-interrupt" fn edge_of_1() {
-    let (port, counter) = (levels(), clock::counter());
+    let counter = clock::counter();
     // SAFETY: interrupts are off in an interrupt.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[0], port, counter);
+    edge(&mut encoders(unsafe { CriticalSection::new() })[0], counter);
 }
 
 extern "avr-interrupt" fn edge_of_2() {
-    let (port, counter) = (levels(), clock::counter());
+    let counter = clock::counter();
     // SAFETY: as above.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[1], port, counter);
+    edge(&mut encoders(unsafe { CriticalSection::new() })[1], counter);
 }

@@ -417,14 +417,6 @@ fn a_speed_too_high_for_its_number_saturates() {
 }
 
 #[test]
-fn the_64_us_after_each_edge_of_the_pwm_are_known() {
-    // A pulse of 101 counts, of 4 µs each.
-    let after: Vec<u8> = (0..=255).filter(|count| is_by_pwm(*count, 100)).collect();
-    assert_eq!(after, (0..16).chain(100..117).collect::<Vec<_>>());
-    assert!(is_by_pwm(1, 251) && !is_by_pwm(250, 251), "across the end of a period");
-}
-
-#[test]
 fn spikes_in_step_with_the_pwm_are_counted_and_are_no_noise_up_to_four_for_each_of_its_edges() {
     let mut filter = Filter::new();
     for (spikes, is_noisy) in [(40, false), (80, false), (81, true), (0, false)] {
