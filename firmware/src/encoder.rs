@@ -37,16 +37,6 @@ pub const MAX_PWM_SPIKES: u8 = 80;
 /// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: a little more than [`SPIKE_US`].
 pub const PWM_SPIKE: u8 = 16;
 
-/// Counts of the PWM by which the duty in force may differ from the compare value: a new value comes into force at 0 only. In a
-/// steady run the duty changes by 1 or 2 from tick to tick.
-pub const DUTY_CHANGE: u8 = 4;
-
-/// Returns whether a motor's PWM may just have had an edge: at the count of 0, or at that after `compare`.
-#[inline(always)]
-pub fn is_by_pwm(count: u8, compare: u8) -> bool {
-    count < PWM_SPIKE || count.wrapping_sub(compare).wrapping_add(DUTY_CHANGE) <= PWM_SPIKE + 2 * DUTY_CHANGE
-}
-
 /// [`SPIKE_US`] in counts of the clock.
 const SPIKE: u16 = 2 * SPIKE_US;
 

@@ -12,9 +12,9 @@
 use core::arch::asm;
 use core::mem::take as replace;
 
-use avr_device::atmega328p::{CPU, EXINT, PORTD, TC0, TC1, TC2, cpu};
+use avr_device::atmega328p::{CPU, EXINT, PORTD, TC1, cpu, exint};
 use avr_device::interrupt::{self, CriticalSection};
-use firmware::encoder::{DUTY_CHANGE, Edges, Filter, PWM_SPIKE, is_by_pwm};
+use firmware::encoder::{Edges, Filter, PWM_SPIKE};
 
 use super::clock;
 
@@ -45,8 +45,7 @@ fn outlast_spike() {
 }
 
 /// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
-/// The edge may be later than the compare value says.
-const REST: u16 = 8 * (PWM_SPIKE + 1 + 2 * DUTY_CHANGE) as u16;
+const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
 
 /// An encoder. The interrupt that is written by hand uses the first five fields.
 #[repr(C)]
@@ -59,7 +58,7 @@ struct Encoder {
     changed: u16,
     /// Number of spikes in step with the PWM.
     spikes: u8,
-    /// The levels of the port at the interrupt, if the PWM did not disturb then.
+    /// The levels of the port at the last interrupt.
     port: u8,
     bits: Bits,
     filter: Filter,
@@ -146,12 +145,6 @@ fn counting() -> &'static cpu::GPIOR1 {
     unsafe { &(*CPU::ptr()).gpior1 }
 }
 
-/// Turns the interrupt of an encoder off until [`take`].
-fn disable_until_tick(interrupt: u8) {
-    let others = counting().read().bits() & !interrupt;
-    count_with(others);
-}
-
 /// Turns these interrupts of the encoders on, and the others off.
 fn count_with(interrupts: u8) {
     // SAFETY: any value is valid in these registers.
@@ -161,20 +154,14 @@ fn count_with(interrupts: u8) {
     }
 }
 
-/// Takes a change of channel 1, at whose interrupt the clock's counter was `counter`.
+/// Takes a change of channel 1, at whose interrupt this was the clock's counter, and the PWM did not disturb.
 #[inline(never)]
 fn edge(encoder: &mut Encoder, counter: u16) {
-    let (mut port, interrupt) = (encoder.port, encoder.bits.interrupt);
-    // SAFETY: a one clears the flag of this interrupt only, and only the interrupts of the encoders use the register.
-    let flags = unsafe { &(*EXINT::ptr()).eifr };
-    if flags.read().bits() & interrupt != 0 {
-        // Another edge has come since the interrupt, so that one of the two is that of a spike. If that is one by the PWM, it
-        // interrupts next.
-        if pwm_disturbs() {
-            return;
-        }
-        flags.write(|write| unsafe { write.bits(interrupt) });
-        port = levels();
+    let Bits { interrupt, .. } = encoder.bits;
+    let mut port = encoder.port;
+    if flags().read().bits() & interrupt != 0 {
+        port = levels_now(interrupt);
+        // Another edge has come since the interrupt, so that one of the two is that of a spike.
         encoder.filter.reject(1);
     }
     settle(encoder, port, counter);
@@ -192,20 +179,26 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
         }
     }
     encoder.level = port & channel_1;
-    let is_noisy = alone(|| {
-        encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
+    alone(|| {
+        let is_noisy = encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
             outlast_spike();
-            loop {
-                let port = levels();
+            let settled = loop {
+                let later = levels();
                 if !pwm_disturbs() {
-                    break port & channel_2 != 0;
+                    break later;
                 }
-            }
-        })
+                // This encoder's next edge is that of a spike by the PWM, or the end of another one, which a later time would make
+                // one by motion.
+                if flags().read().bits() & interrupt != 0 {
+                    break port;
+                }
+            };
+            settled & channel_2 != 0
+        });
+        if is_noisy {
+            counting().modify(|read, write| write.bits(read.bits() & !interrupt));
+        }
     });
-    if is_noisy {
-        disable_until_tick(interrupt);
-    }
 }
 
 /// Takes the changes of channel 1 that no spike has ended, or looks again if the PWM disturbs the lines again.
@@ -222,13 +215,29 @@ fn look_again(cs: CriticalSection) {
     }
 }
 
+/// Returns the levels of the port. A later edge of the encoder interrupts.
+#[inline(always)]
+fn levels_now(interrupt: u8) -> u8 {
+    // SAFETY: a one clears the flag of this interrupt only.
+    flags().write(|write| unsafe { write.bits(interrupt) });
+    levels()
+}
+
+#[inline(always)]
+fn flags() -> &'static exint::EIFR {
+    // SAFETY: only the interrupts of the encoders use the register.
+    unsafe { &(*EXINT::ptr()).eifr }
+}
+
 /// Returns whether the lines may be disturbed, because the voltage at a motor has just changed.
 #[inline(always)]
 fn pwm_disturbs() -> bool {
-    // SAFETY: the registers are only read.
-    let (timer0, timer2) = unsafe { (&*TC0::ptr(), &*TC2::ptr()) };
-    is_by_pwm(timer0.tcnt0.read().bits(), timer0.ocr0a.read().bits())
-        || is_by_pwm(timer2.tcnt2.read().bits(), timer2.ocr2a.read().bits())
+    let carry: u8;
+    // SAFETY: this changes the two registers only.
+    unsafe {
+        asm!("call {since_pwm}", "sbc r24, r24", since_pwm = sym vectors::since_pwm, out("r24") carry, out("r25") _);
+    }
+    carry != 0
 }
 
 /// Returns the encoders. No caller may keep them when it calls this again.
@@ -252,11 +261,13 @@ fn TIMER1_COMPB() {
 }
 
 extern "avr-interrupt" fn edge_of_1() {
+    let counter = clock::counter();
     // SAFETY: interrupts are off in an interrupt.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[0], clock::counter());
+    edge(&mut encoders(unsafe { CriticalSection::new() })[0], counter);
 }
 
 extern "avr-interrupt" fn edge_of_2() {
+    let counter = clock::counter();
     // SAFETY: as above.
-    edge(&mut encoders(unsafe { CriticalSection::new() })[1], clock::counter());
+    edge(&mut encoders(unsafe { CriticalSection::new() })[1], counter);
 }

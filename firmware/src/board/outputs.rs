@@ -129,11 +129,13 @@ impl SetDutyCycle for Pwm {
             match self {
                 Self::Timer0 => {
                     let timer = &*TC0::ptr();
+                    timer.ocr0b.write(|write| write.bits(timer.ocr0a.read().bits()));
                     timer.ocr0a.write(|write| write.bits(duty));
                     timer.tccr0a.write(|write| write.bits(mode));
                 }
                 Self::Timer2 => {
                     let timer = &*TC2::ptr();
+                    timer.ocr2b.write(|write| write.bits(timer.ocr2a.read().bits()));
                     timer.ocr2a.write(|write| write.bits(duty));
                     timer.tccr2a.write(|write| write.bits(mode));
                 }

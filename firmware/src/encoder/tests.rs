@@ -417,14 +417,6 @@ fn a_speed_too_high_for_its_number_saturates() {
 }
 
 #[test]
-fn the_64_us_after_each_edge_of_the_pwm_are_known() {
-    let disturbed = |compare| (0..=255).filter(|count| is_by_pwm(*count, compare)).collect::<Vec<u8>>();
-    // A pulse of 97 to 105 counts, of 4 µs each: the compare value may be that of the next period.
-    assert_eq!(disturbed(100), (0..16).chain(96..121).collect::<Vec<_>>());
-    assert_eq!(disturbed(253), (0..18).chain(249..=255).collect::<Vec<_>>(), "across the end of a period");
-}
-
-#[test]
 fn spikes_in_step_with_the_pwm_are_counted_and_are_no_noise_up_to_four_for_each_of_its_edges() {
     let mut filter = Filter::new();
     for (spikes, is_noisy) in [(40, false), (80, false), (81, true), (0, false)] {

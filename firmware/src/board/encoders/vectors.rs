@@ -4,7 +4,7 @@
 use core::arch::global_asm;
 use core::mem::{offset_of, size_of};
 
-use firmware::encoder::{DUTY_CHANGE, MAX_PWM_SPIKES, PWM_SPIKE};
+use firmware::encoder::{MAX_PWM_SPIKES, PWM_SPIKE};
 
 use super::{BITS, ENCODERS, Encoder, REST, clock, edge_of_1, edge_of_2};
 use crate::board::serial::{SCRATCH, SREG};
@@ -16,16 +16,61 @@ const EIMSK: u8 = 0x1D;
 const TCNT0: u8 = 0x26;
 const GPIOR1: u8 = 0x2A;
 const OCR0A: u8 = 0x27;
+const OCR0B: u8 = 0x28;
 const TCNT2: u8 = 0xB2;
 const OCR2A: u8 = 0xB3;
+const OCR2B: u8 = 0xB4;
 
 /// Returns the place of a field of an encoder in [`ENCODERS`].
 const fn place(encoder: usize, field: usize) -> usize {
     encoder * size_of::<Encoder>() + field
 }
 
-/// The interrupt of an encoder. It asks [`is_by_pwm`](firmware::encoder::is_by_pwm) for both timers. If the PWM does not disturb, it
-/// goes on to `edge`, else it notes the change or its end.
+unsafe extern "C" {
+    /// Sets the carry if the PWM disturbs, and r24 to the counts since its edge. Changes r25, too.
+    ///
+    /// A motor's PWM has an edge at the count of 0 and at that after the compare value. A new compare value comes into force at 0
+    /// only, so that the edge may be at the one before, which compare register B has.
+    pub fn since_pwm();
+}
+
+global_asm!(
+    "since_pwm:",
+    "in r24, {tcnt0}",
+    "cpi r24, {spike}",
+    "brcs 1f",
+    "in r25, {ocr0a}",
+    "sub r24, r25",
+    "cpi r24, {spike} + 1",
+    "brcs 1f",
+    "add r24, r25",
+    "in r25, {ocr0b}",
+    "sub r24, r25",
+    "cpi r24, {spike} + 1",
+    "brcs 1f",
+    "lds r24, {tcnt2}",
+    "cpi r24, {spike}",
+    "brcs 1f",
+    "lds r25, {ocr2a}",
+    "sub r24, r25",
+    "cpi r24, {spike} + 1",
+    "brcs 1f",
+    "add r24, r25",
+    "lds r25, {ocr2b}",
+    "sub r24, r25",
+    "cpi r24, {spike} + 1",
+    "1:",
+    "ret",
+    tcnt0 = const TCNT0,
+    ocr0a = const OCR0A,
+    ocr0b = const OCR0B,
+    tcnt2 = const TCNT2,
+    ocr2a = const OCR2A,
+    ocr2b = const OCR2B,
+    spike = const PWM_SPIKE,
+);
+
+/// The interrupt of an encoder. If the PWM does not disturb, it goes on to `edge`, else it notes the change or its end.
 macro_rules! interrupt_of {
     ($vector:literal, $encoder:literal, $edge:ident) => {
         global_asm!(
@@ -35,23 +80,10 @@ macro_rules! interrupt_of {
             "in r24, {sreg}",
             "push r24",
             "push r25",
+            // Before the PWM is asked, whose edge is then not older than these levels.
             "in r24, {pind}",
             "sts {encoders} + {port}, r24",
-            "in r24, {tcnt0}",
-            "cpi r24, {spike}",
-            "brcs 1f",
-            "in r25, {ocr0a}",
-            "sub r24, r25",
-            "subi r24, -{duty_change}",
-            "cpi r24, {spike} + 2 * {duty_change} + 1",
-            "brcs 1f",
-            "lds r24, {tcnt2}",
-            "cpi r24, {spike}",
-            "brcs 1f",
-            "lds r25, {ocr2a}",
-            "sub r24, r25",
-            "subi r24, -{duty_change}",
-            "cpi r24, {spike} + 2 * {duty_change} + 1",
+            "call {since_pwm}",
             "brcs 1f",
             "pop r25",
             "pop r24",
@@ -126,12 +158,7 @@ macro_rules! interrupt_of {
             "rjmp 5b",
             sreg = const SREG,
             scratch = const SCRATCH,
-            tcnt0 = const TCNT0,
-            ocr0a = const OCR0A,
-            tcnt2 = const TCNT2,
-            ocr2a = const OCR2A,
-            spike = const PWM_SPIKE,
-            duty_change = const DUTY_CHANGE,
+            since_pwm = sym since_pwm,
             edge = sym $edge,
             interrupt = const BITS[$encoder].interrupt,
             without_interrupt = const !BITS[$encoder].interrupt,

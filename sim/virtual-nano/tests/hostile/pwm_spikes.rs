@@ -3,7 +3,7 @@
 //! `SPIKES_WHOLE=1 cargo test --release -p virtual-nano --test all pwm_spikes -- --nocapture` prints the whole table.
 
 use super::{Host, row};
-use protocol::Fault;
+use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
 
 /// How a run with spikes went, for the worse of both motors.
@@ -80,6 +80,38 @@ fn pwm_spikes_are_right_up_to_the_longest_that_the_board_knows_and_longer_ones_a
         );
         let is_failed = matches!(run.fault, Fault::Encoder1Failed | Fault::Encoder2Failed);
         assert_eq!((run.fault == Fault::None && run.is_right(), is_failed), (width_us < 60.0, width_us > 60.0));
+    }
+}
+
+/// Each reversal changes the compare values by much, and turns the direction of edges that are far apart.
+#[test]
+fn pwm_spikes_leave_speed_and_position_right_while_the_motors_turn_round() {
+    for (width_us, cable) in [(10.0, (1, 1)), (45.0, (1, 0))] {
+        let mut host = Host::ready(BoardOptions::default());
+        host.inject(&format!("pwm-spikes={width_us},{},{}", cable.0, cable.1));
+        let shafts = |host: &Host| host.board.motors().each_ref().map(|motor| (motor.counts() / 2.0).round());
+        let (begin, from) = (host.last(), shafts(&host));
+        let mut worst: f64 = 0.0;
+        for turn in 0..20 {
+            host.set_speeds([[37.3, -61.7], [-61.7, 37.3]][turn % 2]);
+            for _ in 0..58 {
+                host.run_linked_ms(5);
+                for (motor, told) in host.board.motors().iter().zip(host.last().speed) {
+                    worst = worst.max((told.rpm() - motor.speed_rpm()).abs());
+                }
+            }
+        }
+        host.order(Command::Stop);
+        host.run_linked_ms(1300);
+        let (end, to) = (host.last(), shafts(&host));
+        let off = [0, 1].map(|k| f64::from(end.encoder[k].0.wrapping_sub(begin.encoder[k].0)) - (to[k] - from[k]));
+        row(
+            format!("PWM spikes of {width_us} us, cables and channels {cable:?}, 20 reversals in 6 s"),
+            format!("{:?}, told within {worst:.1} rpm, positions off by {off:?} counts", end.fault),
+            "20 rpm (two edges), 1 count",
+        );
+        assert_eq!(end.fault, Fault::None);
+        assert!(worst < 20.0 && off.iter().all(|counts| counts.abs() <= 1.0), "{worst} rpm, {off:?} counts");
     }
 }
 
