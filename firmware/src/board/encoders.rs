@@ -37,13 +37,6 @@ const BITS: [Bits; 2] = [
     Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 },
 ];
 
-/// Waits for longer than a spike lasts that is not in step with the PWM: 63 cycles, by a loop shorter than that of `delay_cycles`.
-#[inline(always)]
-fn outlast_spike() {
-    // SAFETY: the loop changes its counter only.
-    unsafe { asm!("1:", "dec {count}", "brne 1b", count = inout(reg) 21u8 => _, options(nomem, nostack)) };
-}
-
 /// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
 const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
 
@@ -157,12 +150,21 @@ fn count_with(interrupts: u8) {
 /// Takes a change of channel 1, at whose interrupt this was the clock's counter, and the PWM did not disturb.
 #[inline(never)]
 fn edge(encoder: &mut Encoder, counter: u16) {
-    let Bits { interrupt, .. } = encoder.bits;
+    let interrupt = encoder.bits.interrupt;
     let mut port = encoder.port;
     if flags().read().bits() & interrupt != 0 {
         port = levels_now(interrupt);
         // Another edge has come since the interrupt, so that one of the two is that of a spike.
         encoder.filter.reject(1);
+        if pwm_disturbs() {
+            // It has since the interrupt, so that the levels of now may be its doing.
+            if encoder.has_changed == 0 {
+                encoder.has_changed = 1;
+                encoder.changed = counter;
+            }
+            clock::alarm(counter.wrapping_add(REST));
+            return;
+        }
     }
     settle(encoder, port, counter);
 }
@@ -181,7 +183,7 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
     encoder.level = port & channel_1;
     alone(|| {
         let is_noisy = encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
-            outlast_spike();
+            // More than 100 cycles after `port`, when a spike is over that is not in step with the PWM.
             let settled = loop {
                 let later = levels();
                 if !pwm_disturbs() {

@@ -2,7 +2,7 @@
 //!
 //! `SPIKES_WHOLE=1 cargo test --release -p virtual-nano --test all pwm_spikes -- --nocapture` prints the whole table.
 
-use super::{Host, row};
+use super::{Host, row, turning};
 use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
 
@@ -113,6 +113,27 @@ fn pwm_spikes_leave_speed_and_position_right_while_the_motors_turn_round() {
         assert_eq!(end.fault, Fault::None);
         assert!(worst < 20.0 && off.iter().all(|counts| counts.abs() <= 1.0), "{worst} rpm, {off:?} counts");
     }
+}
+
+/// An edge of the PWM follows a random spike within some microseconds several times a second.
+#[test]
+fn random_spikes_among_pwm_spikes_do_not_change_the_speed() {
+    let rpm = [7.7, -13.3];
+    let mut host = turning(rpm);
+    for fault in ["pwm-spikes=20,1", "spikes=300,1,1", "spikes=300,2,1"] {
+        host.inject(fault);
+    }
+    let first = host.telemetry.len();
+    host.run_linked_ms(8000);
+    let told = host.telemetry[first..].iter().flat_map(|(_, frame)| [0, 1].map(|k| frame.speed[k].rpm() - rpm[k]));
+    let worst = told.map(f64::abs).fold(0.0, f64::max);
+    row(
+        "PWM spikes of 20 us and 300 spikes/s, 8 s",
+        format!("{:?}, told within {worst:.2} rpm", host.fault()),
+        "1 rpm",
+    );
+    assert_eq!(host.fault(), Fault::None);
+    assert!(worst < 1.0, "{worst} rpm");
 }
 
 #[test]
