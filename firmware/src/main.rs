@@ -94,9 +94,7 @@ mod nano {
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);
-                crash::keep(app.is_driven(), app.is_logging());
                 crash::feed_watchdog();
-                serial::send();
             } else if inbox.ready() {
                 // To the end of a frame at once: looking at clock and tick between any two bytes would take longer than the
                 // bytes do.
@@ -107,10 +105,13 @@ mod nano {
                     }
                     app.receive(byte, Micros(0), &mut outbox);
                 }
-                serial::send();
             } else {
                 clock::sleep_unless(|| inbox.ready());
+                continue;
             }
+            // At once: a motor that starts may pull the supply down.
+            crash::keep(app.is_driven(), app.is_logging());
+            serial::send();
         }
     }
 

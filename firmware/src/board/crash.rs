@@ -32,7 +32,7 @@ const HUNG: u8 = 0xB1;
 #[unsafe(link_section = ".noinit")]
 static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 
-/// [`DRIVEN`] if a motor was on at the end of the last tick, or when the fault that is being logged stopped it. A bootloader that a
+/// [`DRIVEN`] if a motor was on after the last tick or request, or when the fault that is being logged stopped it. A bootloader that a
 /// reset runs uses both ends of the memory, and leaves this unchanged.
 #[unsafe(link_section = ".noinit")]
 static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();

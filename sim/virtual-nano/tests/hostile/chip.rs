@@ -2,6 +2,7 @@
 
 use super::{Host, off_after, row, stops, turning, until};
 use crate::common::{MS, TICK, firmware};
+use protocol::units::{CentiRpm, Duty};
 use protocol::{Command, Fault, Reply, ResetCause};
 use virtual_nano::bootloader::Bootloader;
 use virtual_nano::{Board, BoardOptions};
@@ -247,6 +248,32 @@ fn a_reset_in_a_run_is_told_behind_a_bootloader_that_hides_its_cause() {
             host.stream();
             host.run_ms(200);
             assert_eq!(host.fault(), Fault::None);
+        }
+    }
+}
+
+/// What a motor takes from rest at full duty pulls the supply down within a millisecond.
+#[test]
+fn a_brown_out_as_soon_as_a_motor_is_on_leaves_a_trace() {
+    for (what, command) in [
+        ("a drive", Command::Drive { duty: [Duty(255), Duty(0)], duration_ms: 500 }),
+        ("speeds", Command::SetSpeeds([CentiRpm(6130), CentiRpm(-3780)])),
+    ] {
+        for ms in [1, 2, 3] {
+            let mut host = Host::ready(BoardOptions::default());
+            host.send(command);
+            while host.board.bridge().pwm == [0, 0] {
+                host.run_until(host.board.cycle() + MS / 50);
+            }
+            host.run_ms(ms);
+            host.cut();
+            host.inject("brown-out=3");
+            // An entry of the fault log takes 20 ticks to write.
+            host.run_ms(200);
+            host.hello();
+            let Reply::FaultRecord(record) = host.ask(Command::ReadFault { index: 0 }) else { panic!("no record") };
+            row(format!("brown-out {ms} ms after the begin of {what}"), format!("{:?} logged", record.fault), "Hang");
+            assert_eq!(record.fault, Fault::Hang, "{ms} ms after the begin of {what}");
         }
     }
 }
