@@ -170,3 +170,27 @@ fn a_slow_bus_under_any_load_of_the_line_misses_no_tick() {
         assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
     }
 }
+
+/// A tone of some kHz makes more edges than any motor. Until it is a fault, a tick may take longer than [`WORST_TICK`] beside a full
+/// line, but none is missed.
+#[test]
+fn a_tone_on_both_encoders_misses_no_tick_until_it_is_a_fault() {
+    for tones in
+        [["tone=3000,1,1", "tone=3030,2,1"], ["tone=7000,1,1", "tone=7070,2,1"], ["tone=11000,1,1", "tone=11110,2,1"]]
+    {
+        let noise = Box::leak(Box::new(tones));
+        let (host, sent, answered) = Load { noise, ..Load::new("handshakes", &[Command::Hello], 1.0) }.bear();
+        let (worst, last) = (host.board.marks().tick().worst, host.last());
+        println!(
+            "| handshakes with {} | 100 % | {sent} | {answered} | {worst} | {} |",
+            tones.join(", "),
+            last.unsent.0
+        );
+        let is_named = matches!(
+            last.fault,
+            Fault::Encoder1Noisy | Fault::Encoder2Noisy | Fault::Encoder1Failed | Fault::Encoder2Failed
+        );
+        assert!(is_named && (last.missed_ticks.0, last.unsent.0) == (0, 0), "{tones:?}: {:?}", last.fault);
+        assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
+    }
+}
