@@ -3,10 +3,12 @@
 use crate::plan::Plan;
 use crate::text;
 use crate::trial::{Finding, FindingKind};
-use jiff::{SignedDuration, Zoned};
+use jiff::tz::TimeZone;
+use jiff::{SignedDuration, Timestamp};
 use protocol::units::CentiRpm;
 use serde::Serialize;
 use std::fmt;
+use std::time::SystemTime;
 
 /// What a plan will do.
 #[derive(Serialize, Clone, PartialEq, Debug)]
@@ -67,10 +69,15 @@ pub fn amount(trials: usize, duration_s: f64) -> String {
 
 /// Returns when what begins now and takes so long ends: local time, with the day if that is another.
 pub fn end_after(duration_s: f64) -> String {
-    let now = Zoned::now();
-    let Ok(end) = now.checked_add(SignedDuration::from_secs_f64(duration_s)) else { return String::new() };
+    end(SystemTime::now(), duration_s).unwrap_or_else(|| "a time that no calendar has".to_owned())
+}
+
+/// `None` where a computer's clock is wrong by millennia.
+fn end(now: SystemTime, duration_s: f64) -> Option<String> {
+    let now = Timestamp::try_from(now).ok()?.to_zoned(TimeZone::system());
+    let end = now.checked_add(SignedDuration::try_from_secs_f64(duration_s).ok()?).ok()?;
     let format = if end.date() == now.date() { "%H:%M" } else { "%Y-%m-%d %H:%M" };
-    end.strftime(format).to_string()
+    Some(end.strftime(format).to_string())
 }
 
 /// One line for the plan, and one for each trial.
@@ -100,4 +107,22 @@ fn findings(plan: &Plan) -> Vec<Finding> {
     let rest = plan.note_on_rest().map(|text| Finding::slight(FindingKind::Rest, text, ""));
     findings.extend(run.into_iter().chain(rest));
     findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn clock_of_another_millennium_has_no_end() {
+        let at = |year: u64| SystemTime::UNIX_EPOCH + Duration::from_secs((year - 1970) * 31_556_952);
+        assert!(end(at(2600), 60.0).is_some_and(|end| end.contains(':')));
+        // The last hours of 9999 are not in every time zone.
+        assert_eq!(
+            [253_402_300_000, 1 << 40].map(|s| end(SystemTime::UNIX_EPOCH + Duration::from_secs(s), 60.0)),
+            [None, None]
+        );
+        assert_eq!(end(at(2600), 1e300), None);
+    }
 }

@@ -222,7 +222,7 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
         return Some(("is of another robot than session.toml".to_owned(), cure));
     }
     let begun: Timestamp = session.created.parse().ok()?;
-    let created = known.created().filter(|created| *created + CLOCK_STEP < begun)?;
+    let created = known.created().filter(|created| begun.duration_since(*created) > CLOCK_STEP)?;
     Some((format!("is of {created}, and the session began on {begun}"), cure))
 }
 
