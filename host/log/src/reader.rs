@@ -280,9 +280,9 @@ impl Reader {
                     None => (format!("channel {}", header.channel_id), ""),
                 };
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
-                let bytes = data.len() as u64;
                 let body = wanted.then(|| {
                     Body::decode(&topic, schema, data).unwrap_or_else(|data| {
+                        let bytes = data.len() as u64;
                         self.scanner.lose(self.scanner.offset(), bytes, "a message that cannot be decoded");
                         Body::Other(data)
                     })

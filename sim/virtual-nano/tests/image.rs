@@ -157,17 +157,9 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
 /// next tick still begins in time.
 #[test]
 fn a_slow_bus_under_any_load_of_the_line_misses_no_tick() {
-    for spikes in [&["bus-rise=4"][..], &["bus-rise=4", "pwm-spikes=20,1"], &["bus-rise=4", "pwm-spikes=55,1"]] {
-        let load = Load { noise: spikes, ..Load::new("settings read", &[Command::ReadSettings], 1.0) };
-        let (host, sent, answered) = load.bear();
-        let (worst, last) = (host.board.marks().tick().worst, host.last());
-        println!(
-            "| settings read with {} | 100 % | {sent} | {answered} | {worst} | {} |",
-            spikes.join(", "),
-            last.unsent.0
-        );
-        assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0), "{spikes:?}");
-        assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
+    for noise in [&["bus-rise=4"][..], &["bus-rise=4", "pwm-spikes=20,1"], &["bus-rise=4", "pwm-spikes=55,1"]] {
+        let load = Load { noise, ..Load::new("settings read", &[Command::ReadSettings], 1.0) };
+        assert_eq!(fault_without_a_missed_tick(&load), Fault::None, "{noise:?}");
     }
 }
 
@@ -175,22 +167,28 @@ fn a_slow_bus_under_any_load_of_the_line_misses_no_tick() {
 /// line, but none is missed.
 #[test]
 fn a_tone_on_both_encoders_misses_no_tick_until_it_is_a_fault() {
-    for tones in
-        [["tone=3000,1,1", "tone=3030,2,1"], ["tone=7000,1,1", "tone=7070,2,1"], ["tone=11000,1,1", "tone=11110,2,1"]]
-    {
-        let noise = Box::leak(Box::new(tones));
-        let (host, sent, answered) = Load { noise, ..Load::new("handshakes", &[Command::Hello], 1.0) }.bear();
-        let (worst, last) = (host.board.marks().tick().worst, host.last());
-        println!(
-            "| handshakes with {} | 100 % | {sent} | {answered} | {worst} | {} |",
-            tones.join(", "),
-            last.unsent.0
-        );
+    for noise in [
+        &["tone=3000,1,1", "tone=3030,2,1"],
+        &["tone=7000,1,1", "tone=7070,2,1"],
+        &["tone=11000,1,1", "tone=11110,2,1"],
+    ] {
+        let load = Load { noise, ..Load::new("handshakes", &[Command::Hello], 1.0) };
+        let fault = fault_without_a_missed_tick(&load);
         let is_named = matches!(
-            last.fault,
+            fault,
             Fault::Encoder1Noisy | Fault::Encoder2Noisy | Fault::Encoder1Failed | Fault::Encoder2Failed
         );
-        assert!(is_named && (last.missed_ticks.0, last.unsent.0) == (0, 0), "{tones:?}: {:?}", last.fault);
-        assert!(worst < TICK && answered > 0, "{worst} cycles, {answered} answers");
+        assert!(is_named, "{noise:?}: {fault:?}");
     }
+}
+
+/// Bears a load that may take more than [`WORST_TICK`]. Returns the fault that it ends in.
+fn fault_without_a_missed_tick(load: &Load) -> Fault {
+    let (host, sent, answered) = load.bear();
+    let (worst, last) = (host.board.marks().tick().worst, host.last());
+    let what = format!("{} with {}", load.name, load.noise.join(", "));
+    println!("| {what} | 100 % | {sent} | {answered} | {worst} | {} |", last.unsent.0);
+    assert_eq!((last.missed_ticks.0, last.unsent.0), (0, 0), "{what}");
+    assert!(worst < TICK && answered > 0, "{what}: {worst} cycles, {answered} answers");
+    last.fault
 }

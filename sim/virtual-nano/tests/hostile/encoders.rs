@@ -22,9 +22,8 @@ fn a_cut_first_channel_is_a_stall() {
     stops(&mut host, "C1 of encoder 1 cut at 50 rpm", 1.5, &[Fault::Motor1Stalled, Fault::Encoder1Failed]);
 }
 
-/// A spike that ends with a true edge dates it: early by the length of an interrupt, and of another one before it, 30 µs. If an
-/// edge comes within the 64 µs after an edge of the PWM, and a spike within the rest of them, the edge is dated late by up to that rest.
-/// The speed is measured over whole periods of channel 1, two edges each: at 90 rpm over four edges at least, 4.43 ms.
+/// A spike that ends with a true edge dates it: early by the length of an interrupt, and of another one before it, 30 µs. The
+/// speed is measured over whole periods of channel 1, two edges each: at 90 rpm over four edges at least, 4.43 ms.
 #[test]
 fn spikes_do_not_change_the_speed() {
     for (rpm, shortest_s) in [(30.0, 6.64e-3), (90.0, 4.43e-3)] {
@@ -34,22 +33,17 @@ fn spikes_do_not_change_the_speed() {
             let before = watch(&mut host, 0, rpm, 1000);
             host.inject(&format!("spikes=100,{line}"));
             let speeds = watch(&mut host, 0, rpm, 3000);
-            let [allowed, at_worst] = [30e-6, 94e-6].map(|dated_s| rpm * dated_s / shortest_s);
+            let allowed = rpm * 30e-6 / shortest_s;
             row(
                 format!("100 spikes/s on line {line} at {rpm} rpm"),
                 format!(
-                    "true within {:.2} rpm, told within {:.2}, for 98 % of 3 s {:.2}",
-                    speeds.worst, speeds.worst_measured, speeds.mostly_measured
+                    "true within {:.2} rpm, told within {:.2}, for {} ms of 3 s by more than 1",
+                    speeds.worst, speeds.worst_measured, speeds.wrong_ms
                 ),
-                format!(
-                    "{allowed:.2}, {at_worst:.2}, {allowed:.2} rpm more than without ({:.2}, {:.2})",
-                    before.worst, before.worst_measured
-                ),
+                format!("{allowed:.2} rpm more than without ({:.2}, {:.2})", before.worst, before.worst_measured),
             );
             assert_eq!(host.fault(), Fault::None);
-            assert!(speeds.worst < before.worst + allowed);
-            assert!(speeds.worst_measured < before.worst_measured + at_worst);
-            assert!(speeds.mostly_measured < before.worst_measured + allowed);
+            assert!(speeds.worst < before.worst + allowed && speeds.worst_measured < before.worst_measured + allowed);
         }
     }
 }
