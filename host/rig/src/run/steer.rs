@@ -5,9 +5,7 @@
 //! default), so the motors stop if this program dies; if the pilot dies or is silent, this program stops them.
 
 use super::recorder::{Frame, Recorder};
-use super::trial::{
-    CALIBRATION_MARGIN_S, RigRun, RunContext, SHORTEST_CALIBRATION_S, Said, calibrate, record, settling_s,
-};
+use super::trial::{RigRun, RunContext, Said, calibrate, record};
 use super::{RecordError, still};
 use crate::link::Asked;
 use biflag_log::{EventKind, LogError, Start, SteerMeta};
@@ -99,9 +97,7 @@ fn rest(
     still::wait(recorder, context.progress, trial)?;
     let mut start_us = recorder.rested_us();
     if trial.phases.calibrate_s > 0.0 {
-        let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
-        let calibration = calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S, true)?;
-        start_us += ticks_us(calibrate_s + settling_s(settings, &calibration));
+        start_us += ticks_us(calibrate(recorder, context, trial, settings, true)?);
         record_until(recorder, context, start_us)?;
     }
     recorder.record_meanwhile(Some(u8::MAX));

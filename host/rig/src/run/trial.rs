@@ -141,10 +141,10 @@ const SETTLING_US: u64 = 3_000_000;
 const SLOW_DISK: Duration = Duration::from_millis(500);
 
 /// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
-pub(super) const CALIBRATION_MARGIN_S: f64 = 0.2;
+const CALIBRATION_MARGIN_S: f64 = 0.2;
 
 /// Shortest calibration that the board can do, s.
-pub(super) const SHORTEST_CALIBRATION_S: f64 = 0.1;
+const SHORTEST_CALIBRATION_S: f64 = 0.1;
 
 /// Tilt of the attitude, degrees, at which the board's filter has settled after a calibration, and the longest time that it
 /// gets, s: what one with a usual gain needs for a bias of 20 °/s.
@@ -196,11 +196,8 @@ fn phases(
     let waits = still::wait(recorder, context.progress, trial)?;
     let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
-        let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
         // Before the start: a refusal must not come after motors that turn.
-        let calibration =
-            calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S, trial.speeds != [CentiRpm(0); 2])?;
-        let calibrated_s = calibrate_s + settling_s(settings, &calibration);
+        let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
         let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;
         if start_us > planned_us {
@@ -305,15 +302,17 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), Re
     Ok(())
 }
 
-/// Calibrates the gyroscope for `duration_s`. Returns the result if it passes [`preflight::at_rest`]; `turns`: whether the motors
-/// will.
+/// Calibrates the gyroscope, and checks the result by [`preflight::at_rest`]. `turns`: whether the motors will. Returns the time from
+/// the begin of the phase until the board's filter has settled, s.
 pub(super) fn calibrate(
     recorder: &mut Recorder,
     context: &RunContext,
     trial: &Trial,
-    duration_s: f64,
+    settings: &Settings,
     turns: bool,
-) -> Result<Calibration, RecordError> {
+) -> Result<f64, RecordError> {
+    let phase_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
+    let duration_s = phase_s - CALIBRATION_MARGIN_S;
     context.progress.phase(&trial.name, Phase::Calibrate.name());
     recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us())?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
@@ -329,12 +328,12 @@ pub(super) fn calibrate(
     rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
     let planned = (duration_s * f64::from(TICK_HZ)) as u16;
     preflight::at_rest(&calibration, planned, rest, clock.as_ref(), recorder.link.path())?;
-    Ok(calibration)
+    Ok(phase_s + settling_s(settings, &calibration))
 }
 
 /// Returns the time in which the board's filter forgets the bias that it had before a calibration, whole tenths of a second:
 /// until then the attitude is tilted by the change of the bias over the filter's gain.
-pub(super) fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
+fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
     let changes = calibration.bias.iter().zip(settings.gyro_bias).map(|(now, before)| (now - before).powi(2));
     let change_dps = changes.sum::<f32>().sqrt() / settings.gyro_range.counts_per_dps();
     let tilt_deg = f64::from(change_dps / settings.attitude_kp);
