@@ -75,6 +75,7 @@ Architecture: $arch
 Maintainer: Biflag contributors <biflag@localhost>
 Installed-Size: $(du -sk "$stage" | cut -f 1)
 Depends: $libraries, avrdude
+Suggests: ffmpeg
 Section: science
 Priority: optional
 Description: records, simulates and compares trials of a two-flagella robot

@@ -1,10 +1,12 @@
-//! `biflag film`: an animated GIF of the moving robot.
+//! `biflag film`: the moving robot as an animated GIF, and as the frames that FFmpeg gets for WebM.
 
-use crate::program::{biflag, code};
+use crate::program::{biflag, code, json};
 use gif::{ColorOutput, DecodeOptions};
 use serde_json::Value;
-use std::fs::File;
+use std::fs::{File, Permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::{Command, Output};
 
 /// Returns width and height, and the images of all frames, as red, green, blue and opacity of each pixel.
 fn decode(path: &Path) -> (usize, usize, Vec<Vec<[u8; 4]>>) {
@@ -71,7 +73,7 @@ fn what_cannot_be_filmed_is_wrong_use() {
     assert_eq!(code(&run), Some(3), "not settled");
     let log = "session/001_w1+37.3_w2+0.mcap";
     for (args, why) in [
-        (&["film", log, "-o", "film.webm"][..], "a film is written as .gif"),
+        (&["film", log, "-o", "film.mp4"][..], "a film is written as .gif or .webm"),
         (&["film", log, "-o", "film.gif", "--time", "3,9"], "nothing to film"),
         (&["film", log, "-o", "film.gif", "--speed", "0"], "0.05 to 100"),
         (&["film", "session/session.toml", "-o", "film.gif"], "not an MCAP file"),
@@ -89,4 +91,58 @@ fn what_cannot_be_filmed_is_wrong_use() {
     let (width, height, images) = decode(&folder.join("film.gif"));
     assert_eq!((width, height, images.len()), (360, 540, 50));
     assert!(images[0] != images[25], "it moves");
+}
+
+/// A program named `ffmpeg` of the test's own keeps its arguments, and writes to the film what it gets.
+#[test]
+fn webm_is_what_ffmpeg_makes_of_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    biflag(folder, &["simulate", "--speeds=-83.1,-61.9", "--duration", "1.1", "--out", "session"]);
+    let log = "session/001_w1-83.1_w2-61.9.mcap";
+    let film = |out: &str| -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_biflag"));
+        command
+            .args(["film", log, "--width", "121", "--speed", "1", "-o", out, "--json"])
+            .env("PATH", folder.join("bin"));
+        command.current_dir(folder).output().unwrap()
+    };
+    std::fs::create_dir(folder.join("bin")).unwrap();
+    let none = film("film.webm");
+    assert_eq!(code(&none), Some(1), "{none:?}");
+    assert!(String::from_utf8_lossy(&none.stderr).contains("sudo apt install ffmpeg"), "{none:?}");
+    let install = |script: &str| {
+        let ffmpeg = folder.join("bin/ffmpeg");
+        std::fs::write(&ffmpeg, format!("#!/bin/sh\n{script}\n")).unwrap();
+        std::fs::set_permissions(ffmpeg, Permissions::from_mode(0o755)).unwrap();
+    };
+    install("echo 'warming up' >&2; echo 'no such encoder' >&2; exit 8");
+    let failed = film("film.webm");
+    assert_eq!(code(&failed), Some(1), "{failed:?}");
+    let said = String::from_utf8_lossy(&failed.stderr);
+    assert!(said.contains("no such encoder") && said.contains("exit status: 8"), "{said}");
+    assert!(!folder.join("film.webm").exists(), "no part of a film is left");
+    install("echo \"$@\" > arguments; exec /bin/cat");
+    let written = film("film.webm");
+    assert!(matches!(code(&written), Some(0 | 3)), "{written:?}");
+    assert_eq!(json(&written)["frames"], 28, "1.1 s at 25 frames a second");
+    let frames = std::fs::read(folder.join("film.webm")).unwrap();
+    let arguments = std::fs::read_to_string(folder.join("arguments")).unwrap();
+    assert!(arguments.contains("-framerate 25 -video_size 121x"), "{arguments}");
+    let gif = film("film.gif");
+    assert!(matches!(code(&gif), Some(0 | 3)), "{gif:?}");
+    let (width, height, images) = decode(&folder.join("film.gif"));
+    assert!(arguments.contains(&format!("-video_size {width}x{height} ")), "{arguments}");
+    let frames: Vec<&[u8]> = frames.chunks_exact(3 * width * height).collect();
+    assert_eq!((frames.len(), images.len()), (28, 28));
+    for (frame, image) in frames.iter().zip(&images) {
+        // A GIF has the nearest of 255 colours.
+        let far = frame
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .zip(image)
+            .map(|(frame, image)| (0..3).map(|k| frame[k].abs_diff(image[k])).max());
+        assert!(far.map(Option::unwrap).filter(|far| *far > 40).count() < width * height / 100);
+    }
 }

@@ -1,4 +1,4 @@
-//! `biflag film`: the moving robot as an animated image.
+//! `biflag film`: the moving robot as an animated image or a video.
 
 use super::findings::{are_slight, lines_of_logs};
 use super::options::span;
@@ -8,17 +8,17 @@ use crate::progress::Progress;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Write a film of a trial as an animated GIF: the moving robot over its yaw.
+/// Write a film of a trial as an animated GIF or a WebM video: the moving robot over its yaw.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag film glycerin/001_w1+50_w2+10.mcap -o film.gif\n  \
-    biflag film bundling/001_w1+90_w2+90.mcap --time 30,45 --speed 1 -o film.gif\n\
+    biflag film bundling/001_w1+90_w2+90.mcap --time 30,45 --speed 1 --width 720 -o film.webm\n\
     A log of `biflag simulate --shapes` shows how the flagella bend; in others, rigid helices turn with the motors. The dial \
     above the robot and the curve below it show the yaw.")]
 pub struct Args {
     /// The log.
     log: PathBuf,
-    /// The film to write (.gif).
+    /// The film to write (.gif; .webm needs the program `ffmpeg`).
     #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// The time to show, in seconds from the start of the run; by default the run.
