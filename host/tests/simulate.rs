@@ -313,6 +313,7 @@ fn wrong_use_is_reported_and_writes_nothing() {
             "tight.toml:2:20: base.motor_distance_m = 0.01: the flagella touch",
         ),
         (vec!["missing.toml"], "missing.toml: the plan cannot be read"),
+        (vec!["."], "--out . --resume` goes on with a session"),
         (vec![], "required"),
         (vec!["--speeds=50,10"], "--duration"),
         (vec!["--speeds=50", "--duration", "1"], "give two speeds"),
