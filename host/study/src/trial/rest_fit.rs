@@ -13,6 +13,12 @@ use std::ops::Range;
 /// 0.0035°.
 const MEAN_S: f64 = 0.2;
 
+/// Longest rest that is fitted, s: over minutes, what the accelerometer reads changes with its temperature.
+const LONGEST_S: f64 = 60.0;
+
+/// Shortest time constant of a return, s.
+const SHORTEST_RETURN_S: f64 = 1.0;
+
 /// Number of standard deviations by which the scatter of blocks is above that of white noise in one of thirty rests with white
 /// noise.
 const SLOW: f64 = 1.9;
@@ -36,7 +42,9 @@ impl RestFit {
     /// constant `filter_s`, the return to rest `return_s`. Early in a long phase the robot may swing: if noise and return do not
     /// explain the whole of it, its end alone counts.
     pub fn of(tilt: Track, still: &Range<f64>, zero: &Range<f64>, filter_s: f64, return_s: f64) -> Option<Self> {
-        let whole = Input::of(tilt, still, filter_s)?.fit(zero, return_s)?;
+        let return_s = return_s.max(SHORTEST_RETURN_S);
+        let late = (still.end - LONGEST_S).max(still.start)..still.end;
+        let whole = Input::of(tilt, &late, filter_s)?.fit(zero, return_s)?;
         if whole.is_white {
             return Some(whole.fit);
         }
@@ -213,6 +221,16 @@ mod tests {
             let (_, errors, stated) = covered(0.0, return_s, 0.0);
             println!("{return_s} s: errors {errors:.4}, ± {stated:.4}");
             assert!(stated < most * errors, "{return_s} s: {stated}, {errors}");
+        }
+    }
+
+    #[test]
+    fn long_rest_of_a_robot_that_returns_at_once_is_known() {
+        let mut columns = Columns::default();
+        (0..240_000).for_each(|i| columns.push(f64::from(i) * DT, [NOISE_DEG * normal(3, i as usize)]));
+        for return_s in [0.1, 1.0, 2.0] {
+            let fit = RestFit::of(columns.track(0), &(0.0..1199.0), &(1189.0..1199.0), 1.0, return_s).unwrap();
+            assert!(fit.density.is_finite() && fit.left_deg.iter().all(|left| left.abs() < 1e-6), "{fit:?}");
         }
     }
 
