@@ -126,7 +126,7 @@ fn described(result: &PosesResult) -> Measured {
         let column = [result.gyro_g_dps[0][j], result.gyro_g_dps[1][j], result.gyro_g_dps[2][j]];
         text += &row(&format!("rates by gravity along {axis}"), &column, 1.0, 4, "°/s/g");
     }
-    text += &format!("the bias changed by {:.4} °/s from pose to pose\n", result.drift_dps);
+    text += &format!("beside its warming, the bias changed by {:.4} °/s from pose to pose\n", result.drift_dps);
     let json: Map<_, _> = [("drift_dps".to_owned(), json!(result.drift_dps))].into_iter().collect();
     Measured { text, json, warnings: Vec::new() }
 }

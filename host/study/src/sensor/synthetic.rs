@@ -20,6 +20,12 @@ pub struct Hand {
     pub bias_dps: Vector3<f64>,
     /// Drift of the bias, °/s/s.
     pub drift_dps: Vector3<f64>,
+    /// Change of the bias with temperature, °/s/°C.
+    pub drift_dps_per_c: Vector3<f64>,
+    /// By how much it warms from power-on, °C; by two thirds of it in 150 s.
+    pub warming_c: f64,
+    /// By how much the thermometer lags, s.
+    pub lag_s: f64,
     /// Standard deviation of a reading, °/s and 10 g.
     pub noise: f64,
     /// Body to world.
@@ -59,6 +65,9 @@ impl Hand {
             offset_g: Vector3::zeros(),
             bias_dps: Vector3::zeros(),
             drift_dps: Vector3::zeros(),
+            drift_dps_per_c: Vector3::zeros(),
+            warming_c: 0.0,
+            lag_s: 0.0,
             noise: 0.05,
             attitude: UnitQuaternion::identity(),
             time_s: 0.0,
@@ -90,10 +99,13 @@ impl Hand {
         let (rate, force) = (to_body * world_dps, to_body * Vector3::z());
         let random = &mut self.random;
         let mut noise = || Vector3::from_fn(|_, _| random.normal());
-        let bias_dps = self.bias_dps + self.drift_dps * self.time_s;
+        let warmth = |time_s: f64| self.warming_c * (1.0 - (-time_s.max(0.0) / 150.0).exp());
+        let warmer_c = warmth(self.time_s);
+        let temperature_c = 25.0 + warmth(self.time_s - self.lag_s);
+        let bias_dps = self.bias_dps + self.drift_dps * self.time_s + self.drift_dps_per_c * warmer_c;
         let rate_dps = rate + self.gyro * rate + self.gyro_g_dps * force + bias_dps + self.noise * noise();
         let force_g = force + self.accel * force + self.offset_g + 0.1 * self.noise * noise();
-        RawReading { time_s: self.time_s, rate_dps: rate_dps.into(), force_g: force_g.into(), temperature_c: 25.0 }
+        RawReading { time_s: self.time_s, rate_dps: rate_dps.into(), force_g: force_g.into(), temperature_c }
     }
 
     /// Returns a number within ±`limit`.

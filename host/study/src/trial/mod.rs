@@ -23,6 +23,7 @@ mod judged;
 mod read;
 mod repeats;
 mod rest;
+mod rest_fit;
 mod righting;
 mod scatter;
 mod sensitivity;

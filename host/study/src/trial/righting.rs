@@ -37,16 +37,6 @@ impl Righting {
             0.5 * tilt_dps * tau * (-(middle(zero) - waited_s).max(0.0) / tau).exp()
         })
     }
-
-    /// Returns the standard deviation of the tilt that is left in the mean over `zero`, relative to its change from time
-    /// `first_s` to `last_s`.
-    pub fn left_of_change(self, [first_s, last_s]: [f64; 2], zero: &Range<f64>) -> f64 {
-        let passed = |until_s: f64| (-(until_s - first_s) / self.time_constant_s).exp();
-        let left = passed(middle(zero)) / (1.0 - passed(last_s));
-        // As much as this if the change is all of the return to rest, nothing if it is of a faster motion: equally likely in
-        // between (GUM, 4.3.7). But a motion may go on by about as much as it has come.
-        (left / 3f64.sqrt()).max(1.0)
-    }
 }
 
 /// Returns the time constants of the robot in the log, or of the robot `physical` if the log has no valid one.

@@ -1,87 +1,100 @@
 //! The zero of the tilt at rest, with its noise and the possible rest of a motion.
 
 use super::budget::Term;
+use super::rest_fit::RestFit;
 use super::righting::Righting;
 use crate::attitude::Track;
 use std::ops::Range;
 
-/// Length of the blocks whose scatter is the noise of a tilt, s.
+/// Length of the blocks in which a tilt at rest may not change, and of those of which the noise over time is given, s.
 pub const BLOCK_S: f64 = 2.0;
 
 /// The zero of the tilt is its mean over this duration at the end of the still phase, but at most over its second half,
-/// s: earlier the robot may still swing, and the filter settles after the gyroscope's calibration. The noise of the tilt
-/// is its scatter over the whole duration.
+/// s: earlier the robot may still swing, and the filter settles after the gyroscope's calibration.
 const TILT_ZERO_S: f64 = 10.0;
 
-/// Variance of a mean over blocks, relative to that of as many independent ones. The board's filter gives the noise a
-/// correlation time of 1 s, so that a mean over many blocks has 1.76 times the variance that their own suggests, and five
-/// blocks in a row scatter by 0.85 of theirs.
-const CORRELATED: f64 = 2.06;
+/// Share of the rests without a wait that have a motion, before anything is seen of it, and its standard deviation relative to
+/// the uncertainty of what is seen: assumed.
+const MOVING: f64 = 2.0 / 3.0;
+const SEEN: f64 = 2.0;
 
 /// The zero of the tilt at rest.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct TiltZero {
-    /// Standard deviation of the block means of pitch and roll.
-    scatter_deg: [f64; 2],
-    /// Number of blocks whose scatter it is, and number of blocks in the zero.
-    blocks: [f64; 2],
-    /// Standard deviation of the motion that may be left in pitch and roll.
+    /// Noise and motion of pitch and roll.
+    fits: [RestFit; 2],
+    /// Standard deviation of the motion that may be left in pitch and roll, degrees.
     moved_deg: [f64; 2],
+    /// Length of the zero, s.
+    zero_s: f64,
+    /// Time constant of the board's filter, s.
+    filter_s: f64,
 }
 
 impl TiltZero {
     /// Returns the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; `None` if the phase is
-    /// too short.
-    pub fn of(tilts: [Track; 2], still: &Range<f64>, zero: &Range<f64>, righting: Righting) -> Option<Self> {
-        let blocks = tilts.map(|tilt| blocks(tilt, still));
-        let count = blocks[0].len();
-        let deviation = |means: &[f64]| {
-            let mean = means.iter().sum::<f64>() / means.len() as f64;
-            (means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (means.len() as f64 - 1.0)).sqrt()
-        };
-        // Neighbours differ by noise and a step of a motion, the ends by noise and all of its steps.
-        let moved = |means: &[f64]| {
-            let steps = count as f64 - 1.0;
-            let neighbours = means.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>() / steps;
-            let ends = (means[0] - means[count - 1]).powi(2);
-            ((ends - neighbours).max(0.0) / (1.0 - 1.0 / steps.powi(2))).sqrt()
-        };
-        if count < 3 {
-            return None;
-        }
-        let middle_s = |i: usize| still.end - (i as f64 + 0.5) * BLOCK_S;
-        let left_of_change = righting.left_of_change([middle_s(count - 1), middle_s(0)], zero);
-        let left_deg = righting.left_deg(zero);
-        Some(Self {
-            scatter_deg: blocks.each_ref().map(|means| deviation(means)),
-            blocks: [count as f64, ((zero.end - zero.start) / BLOCK_S).max(1.0)],
-            moved_deg: blocks.each_ref().map(|means| (left_of_change * moved(means)).max(left_deg)),
-        })
+    /// too short. `filter_s`: time constant of the board's filter.
+    pub fn of(
+        tilts: [Track; 2],
+        still: &Range<f64>,
+        zero: &Range<f64>,
+        filter_s: f64,
+        righting: Righting,
+    ) -> Option<Self> {
+        let fit = |tilt: Track| RestFit::of(tilt, still, zero, filter_s, righting.time_constant_s);
+        let fits = [fit(tilts[0])?, fit(tilts[1])?];
+        let moved_deg = fits.map(|fit| moved_deg(fit.left_deg, righting.left_deg(zero)));
+        Some(Self { fits, moved_deg, zero_s: zero.end - zero.start, filter_s })
     }
 
     /// Returns the causes of uncertainty of an angle averaged over `window_s`, of which `gradient` are the derivatives by
     /// pitch and roll.
     pub fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
-        let [seen, in_zero] = self.blocks;
-        let of = |deg: [f64; 2]| (gradient[0] * deg[0]).hypot(gradient[1] * deg[1]);
-        let blocks = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen);
-        let u_deg = of(self.scatter_deg) * (CORRELATED * blocks).sqrt();
-        [
-            Term::of_trial("noise", u_deg, seen - 1.0),
-            Term::of_trial("motion at rest", of(self.moved_deg), f64::INFINITY),
-        ]
+        let sum = |u_deg: [f64; 2], freedom: [f64; 2]| {
+            let variances = [0, 1].map(|k| (gradient[k] * u_deg[k]).powi(2));
+            let variance: f64 = variances.iter().sum();
+            // Welch and Satterthwaite.
+            let parts: f64 = variances.iter().zip(freedom).map(|(part, freedom)| part * part / freedom).sum();
+            (variance.sqrt(), if parts > 0.0 { variance * variance / parts } else { f64::INFINITY })
+        };
+        let noise = |fit: RestFit| fit.variance(window_s.max(BLOCK_S), self.filter_s) + self.zero_variance(fit);
+        let (noise_deg, freedom) = sum(self.fits.map(|fit| noise(fit).sqrt()), self.fits.map(|fit| fit.freedom));
+        let (moved_deg, _) = sum(self.moved_deg, [f64::INFINITY; 2]);
+        [Term::of_trial("noise", noise_deg, freedom), Term::of_trial("motion at rest", moved_deg, f64::INFINITY)]
     }
 
     /// Returns the variance of the mean of a block of pitch (0) or roll (1), degrees².
     pub fn block_variance(&self, tilt: usize) -> f64 {
-        self.scatter_deg[tilt].powi(2)
+        self.fits[tilt].variance(BLOCK_S, self.filter_s)
     }
 
     /// Returns the variance of the zero of pitch (0) or roll (1), degrees².
     pub fn variance(&self, tilt: usize) -> f64 {
-        let [seen, in_zero] = self.blocks;
-        self.scatter_deg[tilt].powi(2) * CORRELATED / in_zero.min(seen) + self.moved_deg[tilt].powi(2)
+        self.zero_variance(self.fits[tilt]) + self.moved_deg[tilt].powi(2)
     }
+
+    fn zero_variance(&self, fit: RestFit) -> f64 {
+        fit.variance(self.zero_s, self.filter_s)
+    }
+}
+
+/// Returns the root of the mean square of the motion that is left in the zero, degrees. The rest tells an estimate of it and its
+/// standard uncertainty. `waited_deg`: standard deviation after the recorder's wait; 0 without one.
+fn moved_deg([estimate, u]: [f64; 2], waited_deg: f64) -> f64 {
+    if u == 0.0 {
+        return estimate.abs();
+    }
+    let (known, moves) = if waited_deg > 0.0 {
+        (waited_deg.powi(2) / (waited_deg.powi(2) + u * u), 1.0)
+    } else {
+        // Rests with a motion have one of several times its uncertainty, or they would tell nothing of it.
+        let seen = 1.0 / (1.0 + SEEN * SEEN);
+        let still =
+            (1.0 - MOVING) / MOVING * seen.sqrt().recip() * (-0.5 * (estimate / u).powi(2) * (1.0 - seen)).exp();
+        (1.0, 1.0 / (1.0 + still))
+    };
+    // The zero keeps the motion: its error is all of it, as far as it is known, and what is not known of it.
+    moves.sqrt() * (known * estimate).hypot(known.sqrt() * u)
 }
 
 /// Returns the mean of each block of a range, counted from its end.
@@ -109,7 +122,7 @@ mod tests {
         (0..6000).map(|i| 0.005 * f64::from(i)).for_each(|time| columns.push(time, [tilt(time)]));
         let righting = Righting { time_constant_s, waited: None };
         let track = columns.track(0);
-        (TiltZero::of([track; 2], &still, over, righting).unwrap(), track.mean(over.clone()).unwrap())
+        (TiltZero::of([track; 2], &still, over, 1.0, righting).unwrap(), track.mean(over.clone()).unwrap())
     }
 
     #[test]

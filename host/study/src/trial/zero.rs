@@ -163,8 +163,9 @@ impl Zeroed {
         let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
+        let righting = Righting::of(data, constants);
         let tilt_zero =
-            if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data, constants)) } else { None };
+            if has_still { TiltZero::of(tilts, &phases.before, &tilt_over, filter_s, righting) } else { None };
         let mut rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
         rest.extend(started.filter(|_| data.times.has_run()).map(|gap| rest::start_is_missing(data, &gap)));
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());

@@ -72,6 +72,27 @@ fn a_drift_from_pose_to_pose_widens_the_sensitivity_to_gravity() {
     assert!(drifting.gyro_g_dps[0][0].u > 5.0 * calm && drifting.drift_dps > 0.01, "{drifting:?}");
 }
 
+/// A sensor that was just powered: the change with temperature is told from what gravity adds, and a lag of the thermometer
+/// does no harm.
+#[test]
+fn warming_is_no_part_of_the_sensitivity_to_gravity() {
+    let sensitivity = |warming_c: f64, lag_s: f64| {
+        let mut hand = Hand::new(78);
+        hand.drift_dps_per_c = Vector3::new(0.06, -0.03, 0.04);
+        (hand.warming_c, hand.lag_s) = (warming_c, lag_s);
+        hand.gyro_g_dps = hand.matrix(0.1, 0.1);
+        let result = result(&mut hand, Vector3::zeros());
+        let off = (0..9).map(|k| (result.gyro_g_dps[k / 3][k % 3].value - hand.gyro_g_dps[(k / 3, k % 3)]).abs());
+        (off.fold(0.0, f64::max), result.gyro_g_dps[0][0].u)
+    };
+    let (_, calm_u) = sensitivity(0.0, 0.0);
+    for (warming_c, lag_s) in [(3.0, 0.0), (3.0, 5.0), (-2.0, 3.0), (8.0, 12.0)] {
+        let (off, u) = sensitivity(warming_c, lag_s);
+        println!("{warming_c} °C, lag {lag_s} s: {off:.4} off, u {u:.4}; without warming u {calm_u:.4}");
+        assert!(off < 0.005 && u < 2.5 * calm_u, "{warming_c} °C, {lag_s} s: {off}, {u}");
+    }
+}
+
 #[test]
 fn missing_and_askew_poses_are_told() {
     let mut hand = Hand::new(9);
