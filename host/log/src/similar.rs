@@ -9,15 +9,19 @@ const LEAST: f64 = 0.8;
 pub fn similar(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let likeness = |entry: std::fs::DirEntry| {
-        let found = entry.file_name().into_string().ok()?;
-        let likeness = strsim::normalized_damerau_levenshtein(name, &found);
-        (likeness >= LEAST && found != name).then_some((likeness, found))
-    };
     let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
-    let likely = entries.flatten().filter_map(likeness);
-    let (_, found) = likely.max_by(|(a, one), (b, other)| a.total_cmp(b).then_with(|| other.cmp(one)))?;
+    let found = most_alike(name, entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()))?;
     Some(path.with_file_name(found))
+}
+
+/// Returns the name that is most similar to a mistyped one, if any is similar.
+pub fn most_alike<T: AsRef<str> + Ord>(typed: &str, names: impl IntoIterator<Item = T>) -> Option<T> {
+    let likeness = |name: T| {
+        let likeness = strsim::normalized_damerau_levenshtein(typed, name.as_ref());
+        (likeness >= LEAST && name.as_ref() != typed).then_some((likeness, name))
+    };
+    let likely = names.into_iter().filter_map(likeness);
+    likely.max_by(|(a, one), (b, other)| a.total_cmp(b).then_with(|| other.cmp(one))).map(|(_, name)| name)
 }
 
 /// Returns a question about that file, for a help text, or `otherwise`.

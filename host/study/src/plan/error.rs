@@ -1,6 +1,7 @@
 //! What can be wrong with a plan, a robot file, or a file of board settings. All of it is wrong use.
 
-use biflag_log::similar::did_you_mean;
+use super::Shipped;
+use biflag_log::similar::{did_you_mean, most_alike};
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -44,8 +45,32 @@ fn cure(path: &Path, noun: &str) -> String {
             _ => format!("{folder} is a folder: name a file in it"),
         };
     }
-    did_you_mean(
-        path,
-        "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag",
-    )
+    let shipped = Shipped::all()
+        .filter(|file| if file.is_robot() { noun == "robot file" } else { noun == "plan" })
+        .map(|file| file.name);
+    let otherwise = path.to_str().and_then(|typed| most_alike(typed, shipped)).map_or_else(
+        || {
+            "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag"
+                .to_owned()
+        },
+        |name| format!("did you mean {name}, which is inside biflag?"),
+    );
+    did_you_mean(path, &otherwise)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_letter_finds_what_is_inside_biflag() {
+        let help = |name: &str, noun| cure(Path::new(name), noun);
+        assert_eq!(help("bundlng", "plan"), "did you mean bundling, which is inside biflag?");
+        assert_eq!(help("robot-sotf", "robot file"), "did you mean robot-soft, which is inside biflag?");
+        for (name, noun) in
+            [("bundlng", "robot file"), ("robot-sotf", "plan"), ("bundlng", "sensor file"), ("x", "plan")]
+        {
+            assert!(help(name, noun).starts_with("check the path"), "{name} as a {noun}");
+        }
+    }
 }
