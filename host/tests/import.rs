@@ -94,7 +94,7 @@ fn a_camera_agrees_with_the_trial_that_it_saw() {
 fn what_is_missing_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    std::fs::write(folder.join("t.csv"), "t,psi\n0,1.5\n1,1.5\n2,7.25\n3,9\n").unwrap();
+    std::fs::write(folder.join("t.csv"), "t,ms,psi\n0,0,1.5\n1,32000,1.5\n2,64000,7.25\n3,96000,9\n").unwrap();
     let run = |columns: &str, more: &[&str]| {
         let args = [&["import", "t.csv", "--columns", columns, "-o", "t.mcap"][..], more].concat();
         let output = biflag(folder, &args);
@@ -105,6 +105,12 @@ fn what_is_missing_is_asked_for() {
         ("time=t,yaw=psi,pitch=0", &[][..], "roll is missing"),
         (columns, &[], "the speeds of the motors are not known"),
         (columns, &["--speeds", "50,10", "--run", "1,9"], "the table lasts from 0 to 3 s"),
+        ("time=ms,yaw=psi,pitch=0,roll=0", &["--speeds", "50,10"], "lasts 96000 s, longer than a day"),
+        (
+            "time=ms:us,yaw=psi,pitch=0,roll=0",
+            &["--speeds", "50,10", "--run", "0,0.001"],
+            "the run lasts 0.001 s, less than 0.005 s",
+        ),
         (columns, &["--speeds", "50,10", "--uncertainty", "0.5"], "give two uncertainties in degrees"),
         (columns, &["--speeds", "50,10", "--robot", "none.toml"], "none.toml"),
     ] {

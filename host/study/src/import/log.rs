@@ -3,7 +3,7 @@
 use super::run::Run;
 use super::{Beside, ImportError, States};
 use crate::output;
-use crate::plan::{Phase, Plan, RobotFile};
+use crate::plan::{MAX_PHASE_S, MIN_RUN_S, Phase, Plan, RobotFile};
 use crate::run;
 use crate::trial::Data;
 use biflag_log::schema::biflag::{Quaternion, Truth};
@@ -83,6 +83,14 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
     let Run { run, speeds, turns } = Run::of(states, conditions.speeds, conditions.run_s.clone(), table)?;
     let rows = &states.rows;
     let (start, end) = (rows[0].time_s, rows[rows.len() - 1].time_s);
+    if end - start > MAX_PHASE_S {
+        let reason = format!("lasts {:.0} s, longer than a day", end - start);
+        return Err(ImportError::table(table, reason, "check the unit of the time: `time=t:ms` for milliseconds"));
+    }
+    if run.end - run.start < MIN_RUN_S {
+        let reason = format!("the run lasts {} s, less than {MIN_RUN_S} s", run.end - run.start);
+        return Err(ImportError::table(table, reason, "check the unit of the time, and the run"));
+    }
     let (preroll, decay) = (run.start - start, end - run.end);
     let reverse = conditions.reverse.filter(|(_, after_s)| *after_s < run.end - run.start);
     let reverse = reverse
