@@ -55,7 +55,8 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
             .to_owned(),
     );
     line("## Files\n".to_owned());
-    for (name, about) in [
+    let sensor = plan.sensor.as_ref().map(|_| ("sensor.toml", "what was measured of the sensor"));
+    let files = [
         ("report.html", "the session as a page to open in a browser"),
         ("tables/", "the trials as CSV; `trials.csv` has the results, `budget.csv` the causes of their uncertainties"),
         ("figures/", "the trials as SVG"),
@@ -66,7 +67,8 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
         ),
         ("manifest-sha256.txt", "SHA-256 of each file; check with `sha256sum --check manifest-sha256.txt`"),
         ("ro-crate-metadata.json", "this description for programs (RO-Crate 1.1)"),
-    ] {
+    ];
+    for (name, about) in files.into_iter().chain(sensor) {
         line(format!("- `{name}`: {about}"));
     }
     if !notes.is_empty() {
