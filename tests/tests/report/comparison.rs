@@ -22,9 +22,19 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     browser.open(&page);
     let fits = "document.querySelector('.scroll').scrollWidth <= document.querySelector('.scroll').clientWidth";
     assert_eq!(browser.evaluate(fits), json!(true), "the table fits the window");
+    let top = "document.querySelector('section.trial:not([hidden]) .view3d').getBoundingClientRect().top";
+    let top = browser.evaluate(top).as_f64().unwrap();
+    assert!(top < 450.0, "the page opens on the robot, not at {top} of 900");
     browser.picture(&picture("comparison.png"));
     // The results alone, on five pages: a form feed ends each.
     let text = printed(&mut browser, "comparison.pdf");
+    let at = |words: &str| text.find(words).unwrap();
+    assert!(at("RMS φ") < at("001_w1+50_w2+10 at"), "the table of all trials is printed first: {text}");
+    assert_eq!(
+        browser.evaluate("document.querySelector('aside #trials') !== null"),
+        json!(true),
+        "the table is below again"
+    );
     assert!(text.matches('\u{c}').count() <= 5, "{text}");
     for (words, count) in [
         ("001_w1+50_w2+10 at (50, 10) rpm", 1),

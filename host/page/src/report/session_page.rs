@@ -40,12 +40,13 @@ impl Session<'_> {
         self.has_charts && self.views().len() <= OPENS_FIRST
     }
 
-    /// Returns title, answer and table; between both, the results of a session of many trials.
+    /// Returns title and answer. The results and the table of a session of many trials follow; a session of few trials goes on
+    /// with its first trial, so that the page opens on the robot.
     pub fn header(&self) -> Markup {
-        let Self { folder, plan, rows, comparison, has_charts } = *self;
+        let Self { folder, plan, rows, comparison, .. } = *self;
         let first = self.views().first().copied();
         html! {
-            @if self.opens_first() { a.skip href={ "#" (anchor(0)) } { "Skip to the first trial" } }
+            @if self.opens_first() { a.skip href="#trials" { "Skip to the table of the trials" } }
             h1 { (clip(&plan.name, 200)) }
             p.meta {
                 span { "session of " (count(rows.len(), "trial", "trials")) }
@@ -73,17 +74,26 @@ impl Session<'_> {
                     }
                 }
                 (self.distribution(&maps))
+                (self.trials())
             }
-            h2 #trials { "Trials" }
-            (small_multiples::section(rows, comparison))
-            (table(rows, comparison, has_charts))
         }
     }
 
-    /// Returns what is below the open trial: the results of a session of few trials, and files and parameters.
+    /// Returns all trials, in pictures and in numbers. On paper it comes first: `page.js` moves it there.
+    fn trials(&self) -> Markup {
+        html! {
+            section.overview aria-labelledby="trials" {
+                h2 #trials { "Trials" }
+                (small_multiples::section(self.rows, self.comparison))
+                (table(self.rows, self.comparison, self.has_charts))
+            }
+        }
+    }
+
+    /// Returns what is below the open trial: table and results of a session of few trials, and files and parameters.
     pub fn rest(&self) -> Markup {
         html! {
-            @if self.opens_first() { h2 { "The session" } (self.summary()) (self.distribution(&maps(self.rows))) }
+            @if self.opens_first() { (self.trials()) h2 { "The session" } (self.summary()) (self.distribution(&maps(self.rows))) }
             @if let Some(view) = self.views().first() { (files(view)) }
         }
     }

@@ -29,7 +29,7 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                 nav.tools aria-label="Trials" {
                     button.previous type="button" { "← Previous" }
                     button.next type="button" { "Next →" }
-                    a href="#trials" { "All trials ↑" }
+                    a href="#trials" { "All trials" }
                 }
                 h2 id={ (id) "-title" } { (title(view)) }
             } @else {

@@ -50,13 +50,19 @@
   if (hero) new ResizeObserver(() => hero.repaint()).observe(picture);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   const printsAll = document.body.classList.contains("print-all");
-  /** What to restore after printing: hidden sections. */
+  /** What to restore after printing: hidden sections, and the place of the table. */
   let restore = [];
   const paper = (on) => {
     document.documentElement.classList.toggle("paper", on);
     restore.forEach((undo) => undo());
     restore = [];
     if (on) {
+      // Printed, the results of all trials come before the first trial.
+      const overview = document.querySelector("body > aside > .overview");
+      if (overview) {
+        document.querySelector("body > header").append(overview);
+        restore.push(() => document.querySelector("body > aside").prepend(overview));
+      }
       for (const player of [...trials.values(), hero]) if (player?.playing) player.toggle();
       for (const section of printsAll ? sections.filter((section) => section.hidden) : []) {
         section.hidden = false;
