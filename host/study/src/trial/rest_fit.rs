@@ -214,6 +214,44 @@ mod tests {
         }
     }
 
+    /// Something moves the robot after the recorder's wait, which bounds the motion that the wait leaves, and nothing else.
+    #[test]
+    fn robot_that_is_touched_after_a_wait_has_a_wider_interval() {
+        let return_s = 12.0;
+        // The rate is bounded 7 s before the still phase.
+        let righting = Righting { time_constant_s: return_s, waited: Some([-7.0, 0.008]) };
+        let covered = |touched_s: f64, by_deg: f64| {
+            let touch = |time: f64| {
+                let is_after = (touched_s..STILL_S).contains(&time);
+                if is_after { by_deg * (-(time - touched_s) / return_s).exp() } else { 0.0 }
+            };
+            let (mut inside, mut stated) = (0, Vec::new());
+            for seed in 0..50 {
+                let still = tilt(seed, 0.0, return_s, 0.0);
+                let mut columns = Columns::default();
+                still.time_s.iter().enumerate().for_each(|(i, time)| {
+                    columns.push(*time, [still.row(i)[0] + touch(*time)]);
+                });
+                let track = columns.track(0);
+                let zero = TiltZero::of([track; 2], &(0.0..STILL_S), &ZERO, 1.0, righting).unwrap();
+                let stated_deg = crate::trial::Budget::new(zero.terms([1.0, 0.0], RUN_S - 1.0)).uncertainty_deg();
+                let error = track.mean(STILL_S + 1.0..STILL_S + RUN_S).unwrap() - track.mean(ZERO).unwrap();
+                inside += u32::from(error.abs() < stated_deg);
+                stated.push(stated_deg);
+            }
+            stated.sort_by(f64::total_cmp);
+            (f64::from(inside) / 50.0, stated[25])
+        };
+        let (inside, untouched) = covered(0.0, 0.0);
+        println!("untouched: {:.0} %, ± {untouched:.3}", 100.0 * inside);
+        assert!(inside >= 0.9 && untouched < 0.03, "{inside}, {untouched}");
+        for (touched_s, by_deg) in [(4.0, 0.4), (8.0, 0.3), (8.0, 0.4)] {
+            let (inside, stated) = covered(touched_s, by_deg);
+            println!("{by_deg} degrees at {touched_s} s: {:.0} %, ± {stated:.3}", 100.0 * inside);
+            assert!(inside >= 0.9 && stated > 5.0 * untouched, "{by_deg} at {touched_s} s: {inside}, {stated}");
+        }
+    }
+
     /// Where a motion would be seen, or be over, little is added for it.
     #[test]
     fn rest_without_a_motion_has_little_more_than_its_noise() {

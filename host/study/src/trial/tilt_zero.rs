@@ -18,6 +18,9 @@ const TILT_ZERO_S: f64 = 10.0;
 const MOVING: f64 = 2.0 / 3.0;
 const SEEN: f64 = 2.0;
 
+/// Share of the rests in which something moves the robot after the recorder's wait, before anything is seen of it: assumed.
+const TOUCHED: f64 = 0.05;
+
 /// The zero of the tilt at rest.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct TiltZero {
@@ -79,22 +82,24 @@ impl TiltZero {
 }
 
 /// Returns the root of the mean square of the motion that is left in the zero, degrees. The rest tells an estimate of it and its
-/// standard uncertainty. `waited_deg`: standard deviation after the recorder's wait; 0 without one.
+/// standard uncertainty. `waited_deg`: standard deviation after the recorder's wait; 0 without one. A wait tells nothing of a robot
+/// that is touched after it.
 fn moved_deg([estimate, u]: [f64; 2], waited_deg: f64) -> f64 {
     if u == 0.0 {
         return estimate.abs();
     }
-    let (known, moves) = if waited_deg > 0.0 {
-        (waited_deg.powi(2) / (waited_deg.powi(2) + u * u), 1.0)
-    } else {
-        // Rests with a motion have one of several times its uncertainty, or they would tell nothing of it.
-        let seen = 1.0 / (1.0 + SEEN * SEEN);
-        let still =
-            (1.0 - MOVING) / MOVING * seen.sqrt().recip() * (-0.5 * (estimate / u).powi(2) * (1.0 - seen)).exp();
-        (1.0, 1.0 / (1.0 + still))
-    };
+    // Without a motion, or with what the wait may have left, the estimate has this variance.
+    let (usual, share) = if waited_deg > 0.0 { (waited_deg.powi(2), TOUCHED) } else { (0.0, MOVING) };
+    // Rests with another motion have one of several times its uncertainty, or they would tell nothing of it.
+    let [usual_variance, other_variance] = [usual + u * u, (1.0 + SEEN * SEEN) * u * u];
+    let log_ratio = 0.5 * estimate * estimate * (1.0 / usual_variance - 1.0 / other_variance);
+    let is_usual = (1.0 - share) / share * (other_variance / usual_variance).sqrt() * (-log_ratio).exp();
+    let moves = 1.0 / (1.0 + is_usual);
     // The zero keeps the motion: its error is all of it, as far as it is known, and what is not known of it.
-    moves.sqrt() * (known * estimate).hypot(known.sqrt() * u)
+    let known = usual / usual_variance;
+    let left = (known * estimate).powi(2) + known * u * u;
+    let moved = estimate * estimate + u * u;
+    (moves * moved + (1.0 - moves) * left).sqrt()
 }
 
 /// Returns the mean of each block of a range, counted from its end.
