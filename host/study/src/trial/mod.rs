@@ -7,6 +7,7 @@
 mod angles;
 mod axes;
 mod back_at_zero;
+mod blocks;
 mod bounds;
 mod budget;
 mod causes;
@@ -34,6 +35,7 @@ mod usable;
 mod zero;
 
 pub use angles::{Angles, Steady};
+pub(crate) use blocks::BLOCK_S;
 pub use bounds::Times;
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 #[cfg(test)]
@@ -47,6 +49,5 @@ pub use findings::{DAMAGED_FRAME, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};
 pub use shapes::{Shape, Shapes};
-pub(crate) use tilt_zero::BLOCK_S;
 pub use usable::Unusable;
 pub use zero::Zeroed;

@@ -1,8 +1,8 @@
 //! What a log shows of the rest before its run: whether there was one, and whether the robot was still.
 
+use super::blocks::{blocks, end_of};
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
-use super::tilt_zero::{blocks, end_of};
 use crate::attitude::{Drift, Rest, Series};
 use protocol::units::CentiRpm;
 use std::ops::Range;

@@ -5,7 +5,7 @@
 //! second tells much of it; a filter that settles is not in it. A robot that returns to rest has θ = A exp(-t/τ), and at the
 //! input (1 - T/τ) of that: a line through the input against that exponential gives A, with its uncertainty.
 
-use super::tilt_zero::{BLOCK_S, end_of};
+use super::blocks::{BLOCK_S, end_of};
 use crate::attitude::Track;
 use std::ops::Range;
 

@@ -9,6 +9,7 @@
 
 use super::angles::{Angles, Steady};
 use super::back_at_zero;
+use super::blocks::end_of;
 use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
@@ -19,7 +20,7 @@ use super::imported::Stated;
 use super::rest::{self, START_S};
 use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
-use super::tilt_zero::{TiltZero, end_of};
+use super::tilt_zero::TiltZero;
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
 use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
