@@ -291,7 +291,8 @@ mod tests {
         }
         let twice =
             "while read line; do echo '{\"speeds_rpm\": [1, 1]}'; echo '{\"speeds_rpm\": [2, 2]}'; sleep 0.1; done";
-        assert!(failed(twice, 9).contains("more than one line"));
+        // On a busy computer, the second line may come after the next question and pass for its answer.
+        assert!(failed(twice, 60).contains("more than one line"));
     }
 
     #[test]
