@@ -11,11 +11,10 @@ mod hidden;
 
 use biflag_log::{BoardMeta, Condition, Identity, MeasuredSensorMeta, ModelMeta, Origin};
 use hidden::{Draw, Hidden, Part};
-use host::sensor::{AXES, Estimate, MeasuredSensor};
+use host::sensor::MeasuredSensor;
 use host::trial::{Data, Zeroed};
 use host::twin::calibrate::{Calibration, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
-use protocol::Settings;
 use sim::params::{Glycerol, Robot, Tank};
 
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
@@ -167,25 +166,6 @@ fn wrong_model_is_named() {
     assert!(!wrong.fit().is_described);
 }
 
-/// Returns what is known of a sensor without errors.
-fn exact_sensor() -> MeasuredSensorMeta {
-    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
-    for i in AXES {
-        for table in ["gyro_scale", "accel_scale", "mounting_deg"] {
-            file.set(table, i, Estimate::default());
-        }
-        for j in AXES {
-            let pair = format!("{i}{j}");
-            file.set("gyro_g_dps", &pair, Estimate::default());
-            if i != j {
-                file.set("gyro_cross", &pair, Estimate::default());
-                file.set("accel_cross", &pair, Estimate::default());
-            }
-        }
-    }
-    MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
-}
-
 /// Lines miss more of the swirl of a thick rod than of a thin one: verdicts and intervals of a trial of a real robot have the
 /// error of its own rods.
 #[test]
@@ -196,7 +176,8 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         let mut draw = Draw(14);
         let hidden = Hidden { robot: robot.clone(), ..Hidden::default() };
         let mut measured = hidden.trial([50.3, 10.7], &mut draw);
-        measured.records.measured_sensor = Some(exact_sensor());
+        let text = MeasuredSensor::exact().to_toml();
+        measured.records.measured_sensor = Some(MeasuredSensorMeta { name: "sensor.toml".to_owned(), text });
         let mut modelled = measured.clone();
         measured.records.model = None;
         // A model that moves as the robot does.

@@ -6,7 +6,7 @@ use super::random::Random;
 use super::recording::CLOCK_U;
 use biflag_log::MeasuredSensorMeta;
 use host::sensor::{
-    AXES, Estimate, MeasuredSensor, PoseStep, PosesWatch, RawReading, StillWatch, TurnPlan, TurnStep, TurnWatch,
+    Estimate, MeasuredSensor, PoseStep, PosesWatch, RawReading, StillWatch, TurnPlan, TurnStep, TurnWatch,
 };
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::Settings;
@@ -21,10 +21,9 @@ impl Part {
     /// Returns what is known of a part from `sensor poses`, `sensor turn` about each axis and `sensor still 600`; of an ideal
     /// one, that it has no errors, and its noise from `sensor still 600`.
     pub fn measured(&self, random: &mut Random) -> MeasuredSensorMeta {
-        let mut file = MeasuredSensor::new(&Settings::DEFAULT);
-        if self.lot == Lot::Ideal {
-            no_errors(&mut file);
-        } else {
+        let is_ideal = self.lot == Lot::Ideal;
+        let mut file = if is_ideal { MeasuredSensor::exact() } else { MeasuredSensor::new(&Settings::DEFAULT) };
+        if !is_ideal {
             poses(self, random, &mut file);
             (0..3).for_each(|axis| turns(self, random, axis, &mut file));
         }
@@ -36,26 +35,9 @@ impl Part {
 
 /// Returns what is known of a sensor that has no errors but one, which is known with a standard uncertainty.
 pub fn known_but_for(table: &str, key: &str, value: f64, u: f64) -> MeasuredSensorMeta {
-    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
-    no_errors(&mut file);
+    let mut file = MeasuredSensor::exact();
     file.set(table, key, Estimate { value, u });
     MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
-}
-
-fn no_errors(file: &mut MeasuredSensor) {
-    for i in AXES {
-        for table in ["gyro_scale", "accel_scale", "mounting_deg"] {
-            file.set(table, i, Estimate::default());
-        }
-        for j in AXES {
-            let pair = format!("{i}{j}");
-            file.set("gyro_g_dps", &pair, Estimate::default());
-            if i != j {
-                file.set("gyro_cross", &pair, Estimate::default());
-                file.set("accel_cross", &pair, Estimate::default());
-            }
-        }
-    }
 }
 
 /// A sensor in a hand.

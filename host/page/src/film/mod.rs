@@ -172,7 +172,9 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         Format::WebM => webm::encode(&frames, file.get_ref()),
     });
     written.map_err(|error| match error {
-        OutputError::Write { path, source } if source.kind() == ErrorKind::Unsupported => FilmError::NoEncoder { path },
+        OutputError::Write { path, source } if format == Format::WebM && source.kind() == ErrorKind::Unsupported => {
+            FilmError::NoEncoder { path }
+        }
         other => FilmError::Output(other),
     })?;
     Ok(Film {

@@ -12,6 +12,7 @@
 //! mounting: attitude_read = attitude · rotation(mounting).
 
 mod bias_noise;
+mod exact;
 mod file;
 mod gravity;
 mod least_squares;
