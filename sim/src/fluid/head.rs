@@ -20,8 +20,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Points of a head. More change its resistance by less than a per cent, and cost time in each sweep.
 pub const POINTS: usize = 40;
-/// Regularisation over the width of a cell. With it and [`INSET`] a sphere of any number of points has its translational and its
-/// rotational resistance within 1 %.
+/// Regularisation over the width of a cell. With it and [`INSET`], the translational and the rotational resistance of a
+/// sphere are within 1 % for any number of points.
 const EPSILON: f64 = 0.42;
 /// Depth of the points under the surface, relative to the distance between neighbours. The body in the flow is slightly
 /// larger than the hull of its points.
@@ -149,7 +149,7 @@ impl RigidSurface {
     /// Returns the head of a robot; `None` if it is not a body in the flow.
     ///
     /// # Errors
-    /// A head whose points are too close to tell them apart.
+    /// A head whose points are too close to each other.
     pub fn of_head(robot: &Robot) -> Result<Option<Self>, ParamError> {
         let points = surface_points(&robot.head, POINTS);
         if points.is_empty() {
@@ -197,7 +197,7 @@ impl RigidSurface {
         &self.resistance * velocities
     }
 
-    /// Returns the torque about the joint on the fluid for an angular velocity about it, N m s.
+    /// Returns the torque on the fluid about the joint per angular velocity, N m s.
     pub fn rotational_resistance(&self) -> Matrix3<f64> {
         self.rigid_resistance(V3::zeros()).fixed_view::<3, 3>(3, 3).into_owned()
     }
