@@ -50,7 +50,7 @@ impl Shaft {
         }
     }
 
-    /// Edges between the start and here.
+    /// Returns the edges between the start and here.
     fn truth(&self) -> i16 {
         let low = self.position.div_euclid(2.0) * 2.0;
         (low + f64::from(u8::from(self.is_high(self.position)))) as i16
@@ -208,7 +208,7 @@ fn an_edge_back_and_forth_is_no_motion() {
     }
 }
 
-/// What a spike of 3 µs makes of an edge to high at 10,000 µs and one to low at 12,000 µs.
+/// Returns the edges found of one to high at 10,000 µs and one to low at 12,000 µs, with a spike of 3 µs.
 fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
     let mut filter = Filter::new();
     let mut line = false;
@@ -216,7 +216,7 @@ fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
         let level = (10_000..12_000).contains(&us);
         let spike = (start..start + 3).contains(&us);
         if spike && !seen {
-            // The interrupt comes so late that it finds the level of before.
+            // The interrupt comes so late that it finds the earlier level.
             feed(&mut filter, level, us >= 11_000, offset.wrapping_add(us));
         } else if (level != spike) != line {
             line = level != spike;

@@ -150,7 +150,7 @@ fn settings_that_older_firmware_saved_are_in_force_until_the_first_save() {
         }
         let memory = with_old(frame, layout);
         save(&memory, &new());
-        // Without the slots nothing is left, and least of all what was in force long ago.
+        // Without the slots no settings are left, least of all those in force long ago.
         memory.bytes.borrow_mut()[320..].fill(0xFF);
         assert_eq!(load(&memory), None);
     }
@@ -173,7 +173,7 @@ fn another_layout_and_values_out_of_range_are_not_loaded() {
     ] {
         assert_eq!(load(&with_frame(&payload)), None, "{payload:?}");
     }
-    // Nor in the newest slot, and the settings before those are not in force again either.
+    // The same holds for the newest slot, and the settings before those do not come into force again either.
     for (layout, settings, expected) in
         [(LAYOUT, old(), Some(old())), (LAYOUT + 1, old(), None), (0, old(), None), (LAYOUT, unfit, None)]
     {
