@@ -307,7 +307,7 @@ where
         self.telemetry.attitude = self.attitude.quaternion();
     }
 
-    /// Measures a speed, and checks what the motor has done with the duty of the tick before.
+    /// Measures a speed, and checks the motor's reaction to the duty of the tick before.
     #[inline(never)]
     fn measure_speed(&mut self, motor: usize, tick: &Tick) {
         let edges = &tick.edges[motor];

@@ -4,10 +4,10 @@
 //! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
 //! [`SPIKE_US`], which cancel each other, so an edge counts only when no other one has followed within that time.
 //! Longer pulses count in both directions. A spike just after a true edge cancels that edge, and its end is a new one
-//! to the same level: of the three edges the two closer ones are those of the spike, and the remaining one gives the
-//! time. At an edge that reverses the direction, channel 2 is read again some µs later, because its level may have been
-//! that of a spike. If there is a spike again, the direction is wrong; the next edge turns it back and is counted as
-//! noise, so that the error is noticed.
+//! to the same level: of the three edges the two closer ones are the spike, and the remaining one gives the time. At an
+//! edge that reverses the direction, channel 2 is read again some µs later, because its level may have come from a
+//! spike. If there is a spike again, the direction is wrong; the next edge turns it back and is counted as noise, so
+//! that the error is noticed.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
@@ -28,7 +28,7 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 pub const SPIKE_US: u16 = 60;
 
 /// An encoder's interrupt is off until the next tick after more than this many edges that are neither motion nor in
-/// step with the motors' PWM: those of a spike at each of the 10 edges of one motor's PWM between two ticks.
+/// step with the motors' PWM: two for a spike at each of the 10 edges of one motor's PWM between two ticks.
 pub const MAX_GLITCHES: u8 = 20;
 
 /// It is also off after more than this many spikes in step with the motors' PWM: four for each of the 20 edges of the

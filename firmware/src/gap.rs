@@ -135,7 +135,7 @@ mod tests {
             let errors =
                 error(|t| [30.0 + 7.0 * t, 4.0 * t * t - 200.0 * t, 1000.0 - 0.5 * (t - 30.0).powi(2)], 20, ticks);
             let rounding = f64::from(ticks) * (1.0 + f64::from(ticks) / 24.0);
-            // 40 are 0.0015 degrees; and a hundredth of what the curvature adds.
+            // 40 are 0.0015 degrees; and a hundredth of the curvature's part.
             let allowed = 40.0 + rounding + 0.01 * 8.0 / 12.0 * f64::from(ticks).powi(3);
             assert!(errors.iter().all(|error| error.abs() < allowed), "{errors:?} in {ticks} ticks");
         }

@@ -1,8 +1,8 @@
 //! The MPU6050: set-up, one reading per tick, and its failures.
 //!
-//! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst from INT_STATUS, so that its
-//! seven values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check.
-//! Values are counts, sensor axes.
+//! Registers: InvenSense's register map RM-MPU-6000A-00. A reading is one burst from INT_STATUS, so that its seven
+//! values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check. Values
+//! are counts, sensor axes.
 //!
 //! Every 20 ms the configuration is read back. A loss of supply also clears INT_ENABLE, so that no sample
 //! after it counts as new; if only a range changes, up to three samples are used with the wrong range, which matters
@@ -65,7 +65,7 @@ mod register {
     pub const INT_STATUS: u8 = 0x3A;
 }
 
-/// The ticks of a set-up in which it does something.
+/// The ticks of a set-up that have a step.
 mod tick {
     /// Reads WHO_AM_I.
     pub const IDENTIFY: u8 = 0;

@@ -17,9 +17,10 @@
 //! is 4 % low with `physical`, 35 % with `published` (`published_helix_with_its_surface_resolved` in
 //! `sim/tests/helices.rs`). `sim/docs/accuracy.md` lists the sources of error and their sizes.
 //!
-//! `sim/docs/proof.md` lists how each part is verified, `sim/docs/valleys.md` where the valleys of the published
-//! map lie and why, and what the starting phase ([`steady::phase`]) changes, `sim/docs/cost.md` the cost per edge and per case,
-//! `sim/docs/steady.md` how steady states are solved for ([`steady`]). `sim/lab` has the programs that make their tables.
+//! `sim/docs/proof.md` lists the verification of each part, `sim/docs/cost.md` the cost per edge and per case.
+//! `sim/docs/valleys.md` explains the valleys of the published map and the effect of the starting phase
+//! ([`steady::phase`]), `sim/docs/steady.md` the solution for steady states ([`steady`]). `sim/lab` has the programs
+//! that make their tables.
 //!
 //! No files, no printing, no threads, nothing global: trials are independent and may run side by side. Trials of one
 //! robot are faster if they share [`step::InversesAtRest`].

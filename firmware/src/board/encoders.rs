@@ -67,7 +67,7 @@ impl Encoder {
 /// Only with interrupts off.
 static mut ENCODERS: [Encoder; 2] = [Encoder::new(BITS[0]), Encoder::new(BITS[1])];
 
-/// Turns the pull-ups on. With them, a disconnected encoder reads as still, which is found as a stall.
+/// Turns the pull-ups on. With them, a disconnected encoder reads as still, so it is found as a stall.
 pub fn pull_up(port: &PORTD) {
     const CHANNELS: u8 = BITS[0].channel_1 | BITS[0].channel_2 | BITS[1].channel_1 | BITS[1].channel_2;
     // SAFETY: any value is valid in this register.
@@ -132,7 +132,7 @@ fn alone<R>(work: impl FnOnce() -> R) -> R {
     }
 }
 
-/// GPIOR1: the interrupts of the encoders that are on, except while [`alone`] works.
+/// Returns GPIOR1: the interrupts of the encoders that are on, except while [`alone`] works.
 #[inline(always)]
 fn counting() -> &'static cpu::GPIOR1 {
     // SAFETY: only used with interrupts off, or with those of the encoders.

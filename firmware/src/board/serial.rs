@@ -117,7 +117,7 @@ pub fn disable(usart: &USART0) {
     usart.ucsr0b.reset();
 }
 
-/// Sends what is in the outbox.
+/// Sends the content of the outbox.
 pub fn send() {
     // The interrupt turns itself off when the queue is empty; if that happens between read and write, it finds the queue
     // empty again.
@@ -151,7 +151,7 @@ global_asm!(
     "push r31",
     "mov r31, r24",
     "lds r30, {head}",
-    // The free places, of which one stays empty.
+    // The free places; one always stays empty.
     "lds r24, {tail}",
     "sub r24, r30",
     "dec r24",

@@ -116,7 +116,7 @@ const VERSION_1: &str = "05c807341201020303020403020404e014c40103c84001031343010
 const VERSION_2: &str = "05c807341201020303020403020404e014c40103c840010313430103803f010101010103803f0107a040148e16440101\
                          0109f40164644c04b8da00";
 
-/// A memory in which older firmware has saved the settings of a frame of its protocol.
+/// Returns a memory in which older firmware has saved the settings of a frame of its protocol.
 fn with_old(frame: &str, layout: u8) -> Memory {
     let mut accumulator = Accumulator::new();
     let bytes = (0..frame.len()).step_by(2).map(|at| u8::from_str_radix(&frame[at..at + 2], 16).unwrap());
@@ -220,7 +220,7 @@ fn the_note_is_beside_all_else() {
 fn a_broken_byte_fails_the_save_and_leaves_the_settings_before_it() {
     let memory = Memory { stuck: Some(395), ..Memory::blank() };
     assert_eq!(save(&memory, &old()).0, Saving::Done);
-    // A look at what is saved, then two writes for each byte of a slot.
+    // A check of the saved settings, then two writes for each byte of a slot.
     assert_eq!(save(&memory, &new()), (Saving::Failed, 2 * SLOT as u32 + 2));
     assert_eq!(load(&memory), Some(old()));
 }

@@ -1,4 +1,4 @@
-//! The base on its ball joint: J dw/dt + w x J w = M, and all moments on it but those of the flagella.
+//! The base on its ball joint: J dw/dt + w x J w = M, and all moments on it except those of the flagella.
 //!
 //! Body axes, about the joint. M is the sum of the righting moment r_com x m g, the tether, the joint's friction and
 //! the drag of the base; the closure decides which of them count.

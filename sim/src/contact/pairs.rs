@@ -13,7 +13,7 @@ pub struct Pair {
     pub rods: [usize; 2],
     /// The edges.
     pub edges: [usize; 2],
-    /// Where on the edges the closest points are, 0 to 1.
+    /// Positions of the closest points on the edges, 0 to 1.
     pub at: [f64; 2],
     /// Unit normal from the second to the first, body frame. It keeps its side, so edges that a prediction moved
     /// through each other are pushed back.

@@ -80,7 +80,7 @@ impl Coarse {
         (Self { count: 8, gather: terms.clone(), spread: terms }, (0..8).map(corner).collect())
     }
 
-    /// Returns weights with which each point of a body is its own coarse point.
+    /// Returns weights that make each point of a body its own coarse point.
     pub fn identity(count: usize) -> Self {
         let terms: Vec<Term> = (0..count).map(|i| (i, i, 1.0)).collect();
         Self { count, gather: terms.clone(), spread: terms }

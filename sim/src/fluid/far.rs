@@ -36,7 +36,7 @@ pub struct Sources {
     count: usize,
     /// x, y and z of the points, then of their forces; entries after the points are scratch.
     columns: [Vec<f64>; 6],
-    /// Nodes and densities of the line that is added.
+    /// Nodes and densities of the line being added.
     line: [Vectors; 2],
 }
 

@@ -79,7 +79,8 @@ struct Ring {
     area: f64,
 }
 
-/// Rings of a cylinder: one on each edge, where the forces are largest, and others at equal distances between them.
+/// Returns the rings of a cylinder: one on each edge, where the forces are largest, and others at equal distances
+/// between them.
 fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
     let rings = (a / width + 0.5).round().max(1.0);
     let step = a / (rings - 0.5);
@@ -103,19 +104,20 @@ fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
     out
 }
 
-/// The outline of a spheroid in a half-plane through its axis: distance from the axis and height, at close steps.
+/// Returns the outline of a spheroid in a half-plane through its axis: distance from the axis and height, at close
+/// steps.
 fn spheroid_outline(a: f64, c: f64) -> Vec<[f64; 2]> {
     let steps = 4000;
     (0..=steps).map(|i| (PI * f64::from(i) / f64::from(steps)).sin_cos()).map(|(s, z)| [a * s, c * z]).collect()
 }
 
-/// Area of the band between two points of an outline.
+/// Returns the area of the band between two points of an outline.
 fn band(ends: &[[f64; 2]]) -> f64 {
     let ([r0, z0], [r1, z1]) = (ends[0], ends[1]);
     PI * (r0 + r1) * (r1 - r0).hypot(z1 - z0)
 }
 
-/// Rings in the middle of equal arcs of an outline.
+/// Returns the rings in the middle of equal arcs of an outline.
 fn spheroid_rings(outline: &[[f64; 2]], width: f64) -> Vec<Ring> {
     let lengths = outline.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
     let mut arc = vec![0.0];

@@ -10,7 +10,8 @@ use crate::V3;
 use crate::lanes::{PADDING, Wide};
 use pulp::{Simd, WithSimd};
 
-/// Half-angle steps leave an argument below 0.31; eleven terms are then good to 1e-12.
+/// Returns the inverse hyperbolic tangent. Half-angle steps leave an argument below 0.31; eleven terms are then good to
+/// 1e-12.
 #[inline(always)]
 fn atanh_small<S: Simd>(simd: S, q: Wide<S>) -> Wide<S> {
     let z = q * q;

@@ -25,7 +25,7 @@ const OPEN: f64 = 8.0;
 const BEHIND: f64 = 1.0;
 /// Total degree of the polynomials.
 const DEGREE: usize = 4;
-/// Points along each axis of the box about the robot in which the polynomials are fitted.
+/// Points for the fit of the polynomials, along each axis of the box about the robot.
 const SAMPLES: usize = 5;
 
 /// The remaining flow between points about the robot.

@@ -26,7 +26,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// `s0` = x0.v, `l2` = L^2, `r0` = R(0), `r1` = R(1).
+    /// Returns the closed forms. `s0` = x0.v, `l2` = L^2, `r0` = R(0), `r1` = R(1).
     fn closed(s0: f64, l2: f64, r0: f64, r1: f64) -> Self {
         let l = l2.sqrt();
         let s1 = s0 + l2;

@@ -240,7 +240,7 @@ impl CoarseNodes {
         Self { nodal_length, stride: 1, coarse, picks }
     }
 
-    /// `spacing`: largest length between coarse nodes, m.
+    /// Chooses the coarse nodes. `spacing`: largest length between them, m.
     fn choose(&mut self, spacing: f64) {
         // An inner node has a whole edge.
         let stride = (spacing / self.nodal_length[1]).max(1.0) as usize;
@@ -257,7 +257,7 @@ impl CoarseSurface {
         Self { surface: surface.to_vec(), far: false, coarse, points: surface.to_vec() }
     }
 
-    /// `clearance`: distance of the nearest wall, m.
+    /// Chooses the coarse points. `clearance`: distance of the nearest wall, m.
     fn choose(&mut self, clearance: f64) {
         let Some(first) = self.surface.first() else { return };
         let size = self.surface.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);

@@ -123,8 +123,8 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
-    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). The motor angle is zero where the encoder
-    /// began to count, so on a rig this parameter must be fitted.
+    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). On a rig this parameter must be fitted,
+    /// because the motor angle is zero where the encoder began to count.
     pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,

@@ -16,7 +16,7 @@ use crate::contact::pairs::{self, Lines, Pair};
 use crate::contact::{complementarity, friction};
 use crate::rod::CLAMPED;
 
-/// Sweeps after which closest points and normals are held, as they may alternate.
+/// Sweeps after which closest points and normals are held, because they may alternate.
 const GEOMETRY_SWEEPS: u32 = 4;
 /// Largest number of times that held points are renewed because the true distances disagree.
 const RENEWALS: u32 = 6;

@@ -59,8 +59,8 @@ const STRETCH: f64 = 1.01;
 /// if all steps have the same one, as `truncation` derives.
 ///
 /// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
-/// and their steps grow again as soon as they may. In free motion errors rise and fall with each turn, and steps do not
-/// follow them: the formula's errors cancel over a turn of even steps, but not of uneven ones. Means would be worse
+/// and their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, and steps do
+/// not follow them: the formula's errors cancel over a turn of even steps, but not of uneven ones. Means would be worse
 /// with more steps. `sim/docs/cost.md` has the errors of means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {

@@ -83,7 +83,7 @@ struct Kept {
     inverses: Vec<(Key, Arc<Preconditioner>)>,
 }
 
-/// Where the inverses for a shape come from.
+/// The source of the inverses for a shape.
 #[derive(Clone, Debug)]
 enum Source {
     /// The shape at rest.

@@ -20,7 +20,7 @@ const LAW_SHARE: f64 = 0.5;
 const STIFFER: f64 = 4.0;
 /// Share of the tolerance that the error of the gap law may have.
 const GAP_SHARE: f64 = 0.25;
-/// Share of the tolerance by which pairs that come close within a step may overlap before they are solved for.
+/// Share of the tolerance that pairs coming close within a step may overlap before they are solved for.
 const OVERLAP_SHARE: f64 = 0.3;
 /// Share of the tolerance by which the held closest points may be wrong.
 const HELD_SHARE: f64 = 0.5;

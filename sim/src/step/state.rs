@@ -107,7 +107,7 @@ impl State {
 
     /// Turns the whole robot about the joint like a rigid body. `rotation`: rotation vector in world axes, rad.
     ///
-    /// Motors, strains and velocities in body axes stay as they are. The earlier steps turn too, so the time formulas
+    /// Motors, strains and velocities in body axes do not change. The earlier steps turn too, so the time formulas
     /// continue smoothly. Only quantities that depend on the vertical change: weight, righting moment and the twist of
     /// the tether.
     pub fn turn(&mut self, rotation: V3) {

@@ -7,9 +7,8 @@
 //! A tank adds the flow of the images of all these forces ([`crate::fluid::tank`]), at the flagella and at the head.
 //!
 //! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: each group of
-//! edges acts on it as one point force, and groups are longer the farther away they are. The flow has the same
-//! regularisation in both directions, so the coupling is reciprocal: that of the flagella, with which a line represents
-//! a round rod.
+//! edges acts on it as one point force, and groups are longer the farther away they are. Both directions use the
+//! regularisation of the flagella, with which a line represents a round rod, so the coupling is reciprocal.
 
 use crate::V3;
 use crate::body::Body;

@@ -5,7 +5,7 @@ use super::state::State;
 use crate::V3;
 use crate::body::shaft::{MotorState, Shaft};
 
-/// A step that is tried.
+/// A step to try.
 #[derive(Clone, Copy, Debug)]
 pub struct Attempt {
     /// Its length, s.

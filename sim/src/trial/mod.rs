@@ -177,7 +177,7 @@ impl Trial {
                 reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
             });
         }
-        // The solver's motor angles are the angles of the helices: they include the phase, those of samples do not.
+        // The solver's motor angles are the angles of the helices: they include the phase, unlike those of samples.
         let profile = profile.from_angles(phase(&solver));
         let mut state = solver.at_rest();
         state.time = profile.start();

@@ -1,7 +1,7 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. If the motors
-//! are outside of the simulator, the profile is extended during the run ([`SpeedProfile::open`]).
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. For motors
+//! outside of the simulator, the profile is extended during the run ([`SpeedProfile::open`]).
 
 use crate::body::shaft::MotorState;
 use serde::{Deserialize, Serialize};
@@ -292,7 +292,7 @@ impl SpeedProfile {
         self.run
     }
 
-    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed is that of the nearest end; at
+    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed of the nearest end applies; at
     /// a jump it is the speed after the jump.
     pub fn motors(&self, time: f64) -> [MotorState; 2] {
         let after = self.points.partition_point(|p| p.time <= time);

@@ -1,7 +1,7 @@
 //! Compares the time in the program's frames with the cycle count of the emulator at that moment.
 //!
-//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]). This is the
-//! only place where the emulator reads what the program sends.
+//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]). The emulator
+//! reads the program's bytes only here.
 
 use crate::mcu::FREQUENCY_HZ;
 use protocol::Message;

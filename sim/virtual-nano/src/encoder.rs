@@ -108,7 +108,7 @@ impl Encoder {
             let place = counts.rem_euclid(PERIOD);
             let ahead = |edge: f64| {
                 let distance = ((edge - place) * rate.signum()).rem_euclid(PERIOD);
-                // At an edge the level is already that of higher counts.
+                // At an edge the level of higher counts holds.
                 if distance == 0.0 && rate > 0.0 { PERIOD } else { distance }
             };
             next = self.edges().into_iter().map(ahead).fold(PERIOD, f64::min).min(next * rate.abs()) / rate.abs();

@@ -66,7 +66,7 @@ pub trait Devices {
     fn serial_in(&mut self, cycle: u64) -> Option<u8>;
     /// The bridge's inputs have changed.
     fn outputs(&mut self, cycle: u64, outputs: &Outputs);
-    /// The chip was reset, whatever caused it.
+    /// The chip was reset, for any reason.
     fn reset(&mut self, cycle: u64);
     /// The program wrote GPIOR0.
     fn mark(&mut self, cycle: u64, value: u8);
@@ -243,13 +243,13 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_cycle(self.raw) }
     }
 
-    /// Must be called after a device changed its level on SDA outside of a run.
+    /// Updates the level of SDA. Must be called after a device changed its level outside of a run.
     pub fn bus_changed(&mut self) {
         // SAFETY: as in `run_until`.
         unsafe { nano_bus_changed(self.raw) }
     }
 
-    /// Must be called after [`Devices::serial_in`] got bytes outside of a run.
+    /// Starts the reception of bytes. Must be called after [`Devices::serial_in`] got bytes outside of a run.
     pub fn serial_wake(&mut self) {
         // SAFETY: `raw` is a chip.
         unsafe { nano_serial_wake(self.raw) }

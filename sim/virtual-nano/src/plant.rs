@@ -35,7 +35,7 @@ const REST_S: f64 = 150.0;
 /// One sample in this many keeps the flagella's shapes.
 const SHAPES_EVERY: u64 = 5;
 
-/// Samples kept until they are taken: those of a minute.
+/// Samples kept until they are taken: a minute's.
 const QUEUE_LENGTH: usize = 60 * WINDOWS_HZ as usize;
 
 /// Interval of the difference quotient for the angular acceleration, s.
@@ -48,7 +48,7 @@ const ANGLE_GAIN: f64 = 0.3;
 /// Error of the angle, and motion in a window, below which a motor at rest stays at rest, rad.
 const REST_RAD: f64 = 1e-5;
 
-/// The temperature of the base: first order, from the room's to that of the warm motors.
+/// The temperature of the base: first order, from the room's to the warm motors'.
 #[derive(Clone, Copy, Debug)]
 struct BaseTemperature {
     room_c: f64,

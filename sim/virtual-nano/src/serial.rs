@@ -7,7 +7,7 @@ use crate::imu::noise::Noise;
 use crate::usb::Usb;
 use std::collections::VecDeque;
 
-/// Counts of what crossed the line.
+/// Counts of bytes and frames on the line.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct LineCount {
     /// Bytes that went on to the host.

@@ -3,7 +3,7 @@
 /// A bridge. It sends a packet when it is full, or when its latency timer, started by the last packet, runs out.
 #[derive(Clone, Debug)]
 pub struct Usb {
-    /// Bytes in a full packet; 0: every byte goes on at once.
+    /// Bytes in a full packet; with 0, every byte is passed on at once.
     packet: usize,
     latency_s: f64,
     waiting: Vec<u8>,

@@ -67,7 +67,7 @@ pub fn celsius(counts: f64) -> f64 {
     counts / 340.0 + 36.53
 }
 
-/// Rounds, and saturates like the part.
+/// Returns the number rounded, and saturated like the part.
 pub fn counts(x: f64) -> i16 {
     x.round() as i16
 }

@@ -32,7 +32,7 @@ enum Kind {
     },
 }
 
-/// The input of the sensor, with the sensor's own bias and noise where these are not in a recording.
+/// The input of the sensor, with the sensor's own bias and noise unless a recording has them.
 pub struct Source {
     kind: Kind,
     noise: Noise,
