@@ -5,7 +5,7 @@
 //! the change of the rate's slope, in a gap of length T (the correction of the trapezoidal rule; Abramowitz and Stegun,
 //! 25.4.4). So the slope of the rate is followed, and once the slope after the gap is known, too, the error is
 //! corrected ([`Gap::correct`]). In a swing of 5 degrees at 90 rpm, this reduces the error of a gap of 140 ms from up
-//! to 0.9 degrees to 0.05 degrees.
+//! to 0.9 degrees to at most 0.05 degrees.
 //!
 //! Units: rates in counts, sensor axes; turns in counts times ticks.
 

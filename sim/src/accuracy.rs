@@ -7,7 +7,7 @@
 use crate::params::Robot;
 use std::f64::consts::TAU;
 
-/// Below this regularisation, in rod radii, the flow is as of a much thinner rod. A round rod has e^(1/2).
+/// Below this regularisation, in rod radii, the flow is like a much thinner rod's. A round rod has e^(1/2).
 const THIN_RADII: f64 = 1.3;
 /// Below this share of a round rod's couple the rods spin freely.
 const FREE_SPIN: f64 = 0.5;

@@ -5,8 +5,8 @@ use nalgebra::DMatrix;
 /// Columns of a block.
 const BLOCK: usize = 96;
 
-/// Factors the damped normal matrix N = A^T A + d 1 = L L^T, with A = `of`, and returns X = `rows` L^-T, so that X X^T
-/// = `rows` N^-1 `rows`^T. `damping`: d relative to the mean of N's diagonal. `None` when N is not positive definite to
+/// Factors the damped normal matrix N = A^T A + d 1 = L L^T, with A = `of`. Returns X = `rows` L^-T, for which X X^T =
+/// `rows` N^-1 `rows`^T. `damping`: d relative to the mean of N's diagonal. `None` when N is not positive definite to
 /// rounding.
 pub fn whiten(of: &DMatrix<f64>, rows: &DMatrix<f64>, damping: f64) -> Option<DMatrix<f64>> {
     let size = of.ncols();

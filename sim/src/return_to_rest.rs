@@ -12,7 +12,7 @@
 //! computed for all nodes together, as in [`crate::resistance`].
 //!
 //! By symmetry, flagella bend against each other as the robot yaws, and together as it tilts. The phases of the helices
-//! break this symmetry and are left out. So is inertia, whose effect fades in milliseconds. SI, body axes.
+//! break this symmetry and are left out. Inertia is left out, too: its effect fades in milliseconds. SI, body axes.
 
 use crate::V3;
 use crate::body::joint::flagellum_righting;

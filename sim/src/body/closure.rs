@@ -3,9 +3,8 @@
 //! # The closure `paper`
 //!
 //! The equations as the publication prints them (Hao, Zalavadia, Jawed, RoboSoft 2024), to the letter. F1 and F2 are
-//! the forces of the flagella on the base in body axes while the base is held still, d the distance of the shafts, m g
-//! r_m the righting moment, theta the pitch, w the angular velocity in body axes and C = 2 pi mu C_r r_h^3 the base's
-//! drag:
+//! the forces of the flagella on a base held still (body axes), d the distance of the shafts, m g r_m the righting
+//! moment, theta the pitch, w the angular velocity in body axes and C = 2 pi mu C_r r_h^3 the base's drag:
 //!
 //! ```text
 //! J dw/dt + w x J w = M

@@ -31,8 +31,8 @@ pub type Lines = [Vec<V3>; 2];
 
 /// Below this distance, m, the direction between centre lines is undefined.
 const COINCIDENT: f64 = 1e-12;
-/// Cosine of the change of a normal, about 100 degrees, beyond which it has changed its side. A change near 90 degrees
-/// is a contact that slides over the end of an edge.
+/// Cosine of a change of direction, about 100 degrees, beyond which a normal has changed its side. A change near 90
+/// degrees is a contact that slides over the end of an edge.
 const FLIPPED: f64 = -0.2;
 /// A force is handed over to a new pair at most this many edges away: contact slides less in a step.
 const SLIDE_EDGES: f64 = 3.0;

@@ -1,6 +1,6 @@
 //! The tank's boundaries as images: plane no-slip walls and a free surface.
 //!
-//! World axes. A point force at height h over a wall has an image at height -h. With z the height of the point of the
+//! World axes. A point force at height h over a wall has an image at height -h. With z the height of a point in the
 //! flow, X from the image to this point, R^2 = |X|^2 + eps^2, n the wall's normal into the fluid, f_n and X_n
 //! components along n, g the force with its part along the wall reversed, and q = g.X, the image's flow is
 //!

@@ -10,8 +10,8 @@ pub enum Closure {
     /// beside the righting moment, tether, base drag and joint friction.
     #[default]
     Full,
-    /// One-way: the flagella exert the forces that they have on a base held still. Of these count the couples (F1z -
-    /// F2z) d/2 and (F1y - F2y) d/2 with their true signs and the reaction torques about the shafts. The flagella's own
+    /// One-way: the flagella exert the forces that they have on a base held still. Only the couples (F1z - F2z) d/2 and
+    /// (F1y - F2y) d/2, with their true signs, and the reaction torques about the shafts count. The flagella's own
     /// rotational resistance about the joint is a constant matrix.
     Lumped,
     /// The printed equations to the letter: M_y = (F1z - F2z) d/2, M_z = (F1y - F2y) d/2, a righting

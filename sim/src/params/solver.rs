@@ -37,8 +37,8 @@ pub struct SolverSettings {
     pub near_edges: u32,
     /// Gauss points of all other segments, 2 to 4 (2).
     pub gauss_points: u32,
-    /// Precision of the sum over far segments (single). Only programs can change it: mean forces agree to six digits.
-    /// Files of older versions may contain it, as single.
+    /// Precision of the sum over far segments (single). Only programs can change it; mean forces are then the same to
+    /// six digits. Files of older versions may contain it, as single.
     #[serde(skip_serializing, deserialize_with = "single")]
     pub far_field: Precision,
 }

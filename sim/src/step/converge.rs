@@ -15,7 +15,7 @@ const LEAST_SPEED: f64 = 0.1;
 /// A twist error of one radian counts as this many times the speed of the helix. The factor does not depend on the
 /// step: where the twist is about to snap, a small imbalance may remain.
 const TWIST_LEVER: f64 = 5.0;
-/// Smallest displacement, in helix radii, of the velocity that residuals are compared with, over a step's first weight.
+/// Residuals are compared with at least the velocity of this displacement, in helix radii, over a step's first weight.
 /// It matters in steps below 0.13 rad: their residuals move the rods less, which saves some of the slowly converging
 /// sweeps while flagella snap past each other.
 const LEAST_MOTION: f64 = 0.07;

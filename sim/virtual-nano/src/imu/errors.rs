@@ -66,7 +66,7 @@ impl Default for Errors {
     }
 }
 
-/// Spreads of the draws in [`Errors::ideal`].
+/// Numbers for the draws of [`Errors::ideal`].
 mod ideal {
     /// Bias of the gyroscope, °/s: the data sheet allows ±20; usual parts are better.
     pub const GYRO_BIAS_DPS: f64 = 2.0;

@@ -46,7 +46,7 @@ pub enum Fault {
     Stuck {
         /// When.
         at: At,
-        /// Number of single SCL pulses that free it; `None` for ever.
+        /// Number of bit-banged SCL pulses that free it; `None` for ever.
         clocks: Option<u8>,
     },
     /// The data registers keep their values.
