@@ -26,7 +26,7 @@ use crate::settings::{Saving, Store};
 use crate::storage::Storage;
 use crate::supply::Supply;
 
-/// What the image knows of itself.
+/// The image's data about its own build.
 #[derive(Clone, Copy, Debug)]
 pub struct Build {
     /// [`protocol::Info::git_hash`].
@@ -181,7 +181,7 @@ where
         }
     }
 
-    /// One tick of the control loop.
+    /// Does one tick of the control loop.
     #[inline(never)]
     pub fn tick(&mut self, tick: &Tick, outbox: &mut impl Outbox, mark: impl Fn(Stage)) {
         mark(Stage::Idle);
@@ -202,7 +202,7 @@ where
         mark(Stage::Telemetry);
     }
 
-    /// Does what can wait until after a tick: ends a calibration, writes to the EEPROM.
+    /// Does the work that can wait until after a tick: ends a calibration, writes to the EEPROM.
     pub fn after_tick(&mut self, outbox: &mut impl Outbox) {
         self.finish_calibration();
         if !self.record_positions() {
@@ -307,7 +307,7 @@ where
         self.telemetry.attitude = self.attitude.quaternion();
     }
 
-    /// Measures a speed, and checks what the motor has done with the duty of the tick before.
+    /// Measures a speed, and checks the motor's reaction to the duty of the tick before.
     #[inline(never)]
     fn measure_speed(&mut self, motor: usize, tick: &Tick) {
         let edges = &tick.edges[motor];
@@ -331,7 +331,7 @@ where
         if edges.is_noisy {
             faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
         } else if !self.is_running() && faults[0] != Fault::Motor1Overloaded {
-            // The rest judges how a speed is kept.
+            // The other faults are about keeping a speed.
             return;
         }
         self.raise(if motor == 0 { faults[0] } else { faults[1] });
@@ -359,7 +359,8 @@ where
         }
     }
 
-    /// The motors wait until a loss of power can no longer find the positions at rest in the memory.
+    /// Drives the motors. They wait until the memory has no positions at rest any more, which a loss of power would
+    /// then find.
     #[inline(never)]
     fn drive_motors(&mut self) {
         if !self.store.positions.may_change() {

@@ -36,9 +36,9 @@ impl Default for Attitude {
 }
 
 impl Attitude {
-    /// Advances by so many ticks, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
-    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead. One reading says where up is for one
-    /// tick: in a swing, what is wrong of it would count for the whole of a longer time.
+    /// Advances by `ticks`, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
+    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead. One reading gives the
+    /// direction of up for one tick: in a swing, its error would otherwise count for the whole of a longer time.
     #[inline(never)]
     pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], ticks: u8, gains: Gains) {
         let mut up = acceleration;
@@ -119,7 +119,7 @@ impl Attitude {
     }
 }
 
-// Slices, so that the compiler leaves the loops as short as they are.
+// Slices, so that the compiler does not unroll the loops.
 
 /// Multiplies a vector by a number.
 #[inline(never)]
@@ -137,8 +137,8 @@ pub fn add(vector: &mut [f32], other: &[f32]) {
     }
 }
 
-/// Replaces half the turn in a gap of the readings, which may be large, by its tangent, for which [`Attitude::update`] takes
-/// small ones. To the third order: 0.02 degrees off for a turn of 30.
+/// Replaces half the turn in a gap of the readings, which may be large, by its tangent, which [`Attitude::update`]
+/// expects; a small one is its own tangent. To the third order: the error is 0.02 degrees for a turn of 30.
 #[inline(never)]
 pub fn lengthen(half_turn: &mut [f32; 3]) {
     let factor = 1.0 + dot(half_turn, half_turn) * (1.0 / 3.0);
@@ -163,7 +163,7 @@ fn dot(vector: &[f32], other: &[f32]) -> f32 {
 #[inline(never)]
 fn normalise(vector: &mut [f32]) -> bool {
     let square = dot(vector, vector);
-    // Positive numbers are in the order of their bits, which a tenth of the time compares.
+    // Positive numbers have the order of their bits, and comparing bits takes a tenth of the time.
     let factor = match square.to_bits() {
         // One Newton step from 1, enough for a quaternion after each rotation.
         bits if (const { 0.995f32.to_bits() }..const { 1.005f32.to_bits() }).contains(&bits) => 1.5 - 0.5 * square,
@@ -175,7 +175,8 @@ fn normalise(vector: &mut [f32]) -> bool {
 }
 
 /// Returns 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two Newton steps. On a
-/// processor without floating point it costs a third of a square root and a division, and it is the same on every one.
+/// processor without floating point it costs a third of a square root and a division. Its result is the same on every
+/// processor.
 #[inline(never)]
 pub(crate) fn inverse_sqrt(x: f32) -> f32 {
     let mut root = f32::from_bits(0x5F37_59DF - (x.to_bits() >> 1));

@@ -2,11 +2,12 @@
 //! the edges.
 //!
 //! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
-//! [`SPIKE_US`], which cancel each other, so an edge counts when no other one has followed for as long. Longer pulses count
-//! in both directions. A spike just after a true edge cancels that edge, and its end is a new one to the same level: of the
-//! three edges the closer two are those of the spike, and the third is dated. An edge that turns the direction reads
-//! channel 2 again some µs later, because its level may have been that of a spike. If a spike is there again, the direction
-//! is wrong; the next edge turns it back and is counted as noise, so that the error is noticed.
+//! [`SPIKE_US`], which cancel each other, so an edge counts only when no other one has followed within that time.
+//! Longer pulses count in both directions. A spike just after a true edge cancels that edge, and its end is a new one
+//! to the same level: of the three edges the two closer ones are the spike, and the remaining one gives the time. At an
+//! edge that reverses the direction, channel 2 is read again some µs later, because its level may have come from a
+//! spike. If there is a spike again, the direction is wrong; the next edge turns it back and is counted as noise, so
+//! that the error is noticed.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
@@ -26,15 +27,16 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 /// Time within which two edges are a spike, µs: at full voltage the published motor's edges are 770 µs apart.
 pub const SPIKE_US: u16 = 60;
 
-/// Number of edges of an encoder between two ticks that are none by motion nor in step with the motors' PWM above which its
-/// interrupt is off until the next tick: those of a spike at each of the 10 edges of one motor's PWM between two ticks.
+/// An encoder's interrupt is off until the next tick after more than this many edges that are neither motion nor in
+/// step with the motors' PWM: two for a spike at each of the 10 edges of one motor's PWM between two ticks.
 pub const MAX_GLITCHES: u8 = 20;
 
-/// Number of spikes in step with the motors' PWM above which it is off, too: four for each of the 20 edges of the PWM between two
-/// ticks.
+/// It is also off after more than this many spikes in step with the motors' PWM: four for each of the 20 edges of the
+/// PWM between two ticks.
 pub const MAX_PWM_SPIKES: u8 = 80;
 
-/// Counts of a motor's PWM, of 4 µs each, after an edge of it in which the lines may be disturbed: a little more than [`SPIKE_US`].
+/// Counts of a motor's PWM, of 4 µs each, for which the lines may be disturbed after an edge of it: a little more than
+/// [`SPIKE_US`].
 pub const PWM_SPIKE: u8 = 16;
 
 /// [`SPIKE_US`] in counts of the clock.
@@ -67,8 +69,8 @@ pub struct Edges {
     pub is_noisy: bool,
 }
 
-/// Separates edges by motion from noise, as the interrupt of an encoder feeds them. Its times are those of a clock of 16 bits
-/// that counts half µs, because the interrupt is as fast as it is short.
+/// Separates edges by motion from noise; the interrupt of an encoder feeds it. Its times are from a 16-bit clock that
+/// counts half µs, because short numbers keep the interrupt fast.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Filter {
     /// The newest edge, which may be the beginning of a spike: its time, and the change of the position; 0 if there is none.
@@ -115,8 +117,9 @@ impl Filter {
         self.level = channel_1;
     }
 
-    /// Takes the levels of both channels after an edge of channel 1. If the direction turns, `channel_2_later` is called, which returns
-    /// the level of channel 2 when a spike is over. Returns whether the encoder is noisy, as [`Edges`] has it.
+    /// Takes the levels of both channels after an edge of channel 1. If the direction reverses, it calls
+    /// `channel_2_later`, which returns the level of channel 2 when a spike is over. Returns whether the encoder is
+    /// noisy, as in [`Edges`].
     #[inline(always)]
     pub fn feed(
         &mut self,
@@ -130,7 +133,8 @@ impl Filter {
             self.level = channel_1;
             let mut began = time;
             if self.step == 0 {
-                // The clock wraps in 33 ms: a spike that an edge follows so late may misdate it by a thousandth of that.
+                // The clock wraps in 33 ms: the time of an edge so long after a spike may be wrong by a thousandth of
+                // that.
                 let distance = time.wrapping_sub(self.cancelled);
                 if u16::from(self.distance) > distance {
                     began = began.wrapping_sub(distance).wrapping_sub(u16::from(self.distance));
@@ -163,7 +167,7 @@ impl Filter {
         self.reject(glitches)
     }
 
-    /// Counts edges that are no motion. Returns whether the encoder is noisy.
+    /// Counts edges that are not motion. Returns whether the encoder is noisy.
     #[inline(always)]
     pub fn reject(&mut self, glitches: u8) -> bool {
         self.glitches = self.glitches.wrapping_add(glitches);
@@ -184,8 +188,8 @@ impl Filter {
         self.number = self.number.wrapping_add(1);
     }
 
-    /// Returns the edges up to `now`, when the clock is at `clock`, and begins the next tick. `pwm_spikes`: how many spikes were in
-    /// step with the motors' PWM.
+    /// Returns the edges up to `now`, when the clock is at `clock`, and begins the next tick. `pwm_spikes`: number of
+    /// spikes in step with the motors' PWM.
     #[inline(never)]
     pub fn take(&mut self, now: Micros, clock: u16, pwm_spikes: u8) -> Edges {
         if self.step != 0 && clock.wrapping_sub(self.time) >= SPIKE {

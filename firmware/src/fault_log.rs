@@ -1,4 +1,4 @@
-//! The fault log: the last faults in EEPROM, for what happened before the host's opening of the port reset the board.
+//! The fault log: the last faults in EEPROM, also those before the host opened the port, which resets the board.
 //!
 //! Entry n is in slot n modulo [`FAULT_RECORDS`]; n wraps at 256.
 //!
@@ -26,7 +26,7 @@ pub struct FaultLog {
     /// The number of the latest entry. Kept, because finding it reads all of the log, which takes most of a tick.
     latest: Option<u8>,
     writing: Option<Entry>,
-    /// A record that came meanwhile.
+    /// A record that came during the write.
     waiting: Option<FaultRecord>,
 }
 
@@ -76,7 +76,7 @@ impl FaultLog {
         if *writes <= MAX_WRITES && write_first_difference(storage, address_of(slot[0]), slot) {
             return true;
         }
-        // The next entry leaves out a slot that does not keep its content.
+        // The next entry skips a slot that does not keep its content.
         self.latest = Some(slot[0]);
         self.writing = None;
         if let Some(record) = self.waiting.take() {

@@ -5,7 +5,7 @@
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
 //! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
 //! | overloaded | the heat of its winding, estimated from duty and speed; in an open-loop drive too |
-//! | encoder failed | 16 edges in a row of which each goes back on the one before |
+//! | encoder failed | 16 edges in a row, each of which undoes the one before |
 //!
 //! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
 //! motion.
@@ -15,19 +15,20 @@ use protocol::units::{CentiRpm, Duty};
 
 use crate::encoder::Motion;
 
-/// Ticks of too little motion, less those of enough, above which a motor is stalled: one second.
+/// A motor is stalled above this many ticks of too little motion, less those of enough motion: one second.
 const STALL_TICKS: u8 = protocol::TICK_HZ;
 
 /// The least speed that counts as motion, hundredths of rpm: two edges a second with the published encoders.
 const SLOWEST: i16 = 20;
 
-/// Ticks of motion against the duty after which it is a runaway, unless it is being braked: 150 ms.
+/// Ticks of motion against the duty after which a motor is a runaway, unless it is being braked: 150 ms.
 const RUNAWAY_TICKS: u8 = 30;
 
 /// The least speed that counts as motion against the duty, hundredths of rpm.
 const AGAINST: i16 = 300;
 
-/// Edges in a row that cancel each other after which an encoder has failed. A motor that turns round makes some too.
+/// Number of edges in a row that cancel each other after which an encoder has failed. A motor that reverses makes some
+/// too.
 const CANCELLED_EDGES: u8 = 16;
 
 /// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
@@ -39,18 +40,18 @@ const COOLING: u32 = 12;
 /// Watches one motor.
 ///
 /// The heat of the winding grows with the square of its current, and decays by cooling. The current is estimated as the
-/// duty minus the duty that the speed corresponds to, in steps of the duty: 255 for a motor that is blocked at full
-/// voltage, and at most; none for one that is faster than its duty. A current of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5
-/// s, 255 after 2.4 s. At 90 rpm even full voltage gives a current of at most 80, which may last: a motor that keeps
-/// this speed cannot be overloaded.
+/// duty minus the duty that the speed corresponds to, in steps of the duty: at most 255, for a motor that is blocked at
+/// full voltage; none for one that is faster than its duty. A current of 128 (half the speed without load, at full
+/// voltage) reaches the limit after 12 s, 178 after 5 s, 255 after 2.4 s. At 90 rpm even full voltage gives a current
+/// of at most 80, which may last: a motor that keeps this speed cannot be overloaded.
 #[derive(Debug, Default)]
 pub struct Guard {
     heat: u32,
     stalled_ticks: u8,
     against_ticks: u8,
-    /// The speed in the first of them.
+    /// The speed in the first of these ticks.
     against_from: i16,
-    /// Edges in a row that cancel each other but for one, and the change of the position by them.
+    /// Edges in a row that cancel each other except for one, and the change of the position by them.
     edges: u8,
     counts: i8,
 }
@@ -84,7 +85,7 @@ impl Guard {
         if duty != 0 {
             // 5 for every 256 hundredths of rpm: 255 at 130.6 rpm, the speed of the published motor without load.
             let own = i16::from((speed >> 8) as i8) * 5;
-            // One that is faster than its duty would make the published one is another motor, or coasts.
+            // A motor that is faster than the published one at its duty is of another kind, or coasts.
             let current = (i16::from(duty) - own).clamp(0, 255).unsigned_abs();
             self.heat += u32::from(current * current);
         }
@@ -121,7 +122,7 @@ impl Guard {
             return false;
         }
         self.against_ticks = 0;
-        // One that is being braked has lost more than an eighth of its speed.
+        // A motor that is being braked has lost more than an eighth of its speed.
         speed <= self.against_from - (self.against_from >> 3)
     }
 

@@ -1,16 +1,17 @@
 //! The MPU6050: set-up, one reading per tick, and its failures.
 //!
-//! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst from INT_STATUS, so that its
-//! seven values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check.
-//! Values are counts, sensor axes.
+//! Registers: InvenSense's register map RM-MPU-6000A-00. A reading is one burst from INT_STATUS, so that its seven
+//! values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check. Values
+//! are counts, sensor axes.
 //!
 //! Every 20 ms the configuration is read back. A loss of supply also clears INT_ENABLE, so that no sample
-//! after it counts as new; if only a range changes, up to three samples are used as if it had not, which matters less than
-//! the 0.2 s of the set-up that follows. A check in every tick would cost 3 % of it.
+//! after it counts as new; if only a range changes, up to three samples are used with the wrong range, which matters
+//! less than the 0.2 s of the set-up that follows. A check in every tick would cost 3 % of it.
 //!
 //! The sensor's oscillator and the tick differ by up to a few percent. A slower sensor now and then has no new sample in a
 //! tick, and a faster one replaces a sample before it is read; neither is an error. A sample that arrives after the START
-//! of a burst and before INT_STATUS is read loses its flag: the one before it is used twice, and it is not used.
+//! of a burst and before INT_STATUS is read loses its flag: the sample before it is used twice, and the new one is not
+//! used.
 //!
 //! Nothing here waits: set-up takes one step per tick, and a failed transaction is repeated in the next tick. Failures are
 //! counted; they become a fault after [`FAULT_AFTER_TICKS`] without a good reading:
@@ -20,7 +21,7 @@
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
 //! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs three times within 3 s, [`Fault::ImuLostConfig`] |
 //! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
-//! | readings that no sensor makes | not used, as if there were none; after [`LIFELESS_READINGS`] the same |
+//! | readings that no sensor makes | not used, as if there were none; after [`LIFELESS_READINGS`] the same as without new samples |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
 use core::slice;
@@ -32,21 +33,23 @@ use mpu6050::{Mpu6050, Mpu6050Error};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
-/// Ticks without a good reading until it is a fault: more than a set-up takes, so that a short loss of the sensor's
+/// Ticks without a good reading that make a fault: more than a set-up takes, so that a short loss of the sensor's
 /// supply does not end a trial.
 pub const FAULT_AFTER_TICKS: u8 = 40;
 
-/// Ticks without a new sample until it is set up again: a fault if it was not asleep.
+/// Ticks without a new sample until the sensor is set up again; they are a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;
 
-/// Readings in a row, each equal to that before or with a gyroscope of zero on all axes, until they are a fault: 200 ms. A
-/// sensor has noise: the 65,067 readings of `tests/data/mpu6050/still-655s.csv` have not one of either.
+/// Number of readings in a row, each equal to the one before or with zero on all axes of the gyroscope, that make a
+/// fault: 200 ms. A sensor has noise: none of the 65,067 readings of `tests/data/mpu6050/still-655s.csv` is of either
+/// kind.
 pub const LIFELESS_READINGS: u8 = 40;
 
-/// How many of them that are equal are used: a sensor at rest in its widest range and with its slowest filter makes some.
+/// Number of equal readings in a row that are used: a sensor at rest in its widest range and with its slowest filter
+/// makes some.
 const MAX_REPEATS: u8 = 4;
 
-/// What a loss of the configuration adds to [`Imu::losses`], from which each good reading takes 1: 3 s. The third of them
+/// A loss of the configuration adds this to [`Imu::losses`], and each good reading subtracts 1: 3 s. The third of them
 /// within 3 s of readings is a fault.
 const LOSS: u16 = 3 * protocol::TICK_HZ as u16;
 
@@ -62,7 +65,7 @@ mod register {
     pub const INT_STATUS: u8 = 0x3A;
 }
 
-/// The ticks of a set-up in which it does something.
+/// The ticks of a set-up that have a step.
 mod tick {
     /// Reads WHO_AM_I.
     pub const IDENTIFY: u8 = 0;
@@ -74,9 +77,9 @@ mod tick {
     pub const CONFIGURE: u8 = WAKE + 1;
     /// Sets the low-pass filter of a clone's accelerometer.
     pub const FILTER: u8 = CONFIGURE + 4;
-    /// Makes DATA_RDY work.
+    /// Enables DATA_RDY.
     pub const ENABLE: u8 = CONFIGURE + 5;
-    /// Reads the first sample: 55 ms after waking, where the data sheet says 30 ms for the gyroscope. Set-up is over.
+    /// Reads the first sample: 55 ms after waking; the data sheet asks for 30 ms for the gyroscope. Set-up is over.
     pub const SAMPLE: u8 = WAKE + 11;
 }
 
@@ -90,8 +93,8 @@ const WAKING: [u8; 2] = [device::PWR_MGMT_1::ADDR, 0x01];
 const GENUINE: u8 = 0x68;
 
 /// The low-pass filter of the accelerometer in MPU6500 (0x70), MPU9250 (0x71) and ICM-20689 (0x98), which are sold as clones:
-/// their CONFIG is for the gyroscope alone. The bandwidths are those of CONFIG, but for 218 Hz in place of 184. An MPU6050 has
-/// no register there.
+/// their CONFIG is for the gyroscope alone. The bandwidths are those of CONFIG, with 218 Hz in place of 184. An MPU6050
+/// has no register there.
 const ACCEL_CONFIG_2: u8 = 0x1D;
 
 /// Makes the sensor set DATA_RDY with each sample.
@@ -100,13 +103,14 @@ const ENABLING: [u8; 2] = [register::INT_ENABLE, DATA_RDY];
 /// In INT_ENABLE and INT_STATUS. Reading INT_STATUS clears it there.
 const DATA_RDY: u8 = 0x01;
 
-/// SMPLRT_DIV: all 1000 samples per second. The sensor's oscillator may be off by 1 %. Of 200 samples per second, some would
-/// be read twice, or never, as often as a robot swings: at (-90, 90) rpm, with an oscillator that is off by 0.75 %, the yaw
-/// drifted by 0.073 °/s. What is left is the age of a sample, 1 ms at most: 0.012 °/s there, if it is off by 0.15 %.
+/// SMPLRT_DIV: all 1000 samples per second. The sensor's oscillator may be off by 1 %. At 200 samples per second, some
+/// would be read twice or never, as often as a robot swings: at (-90, 90) rpm, with an oscillator that is off by 0.75
+/// %, the yaw drifted by 0.073 °/s. The age of a sample remains, 1 ms at most: a drift of 0.012 °/s there, if the
+/// oscillator is off by 0.15 %.
 const DIVIDER: u8 = 0;
 
-/// What the bus reads while no device drives it. The register after the sample, EXT_SENS_DATA_00, is zero, and reading it
-/// too shows whether the sensor sent to the end: it acknowledges nothing while it sends.
+/// The bus reads this while no device drives it. The register after the sample, EXT_SENS_DATA_00, is zero. Reading it
+/// as well shows whether the sensor sent to the end, because a sender acknowledges nothing.
 const SILENCE: u8 = 0xFF;
 
 /// One sample.
@@ -172,7 +176,7 @@ impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for ReadError {
     }
 }
 
-/// The sensor on its bus. Its set-up is our own: that of `Mpu6050::init` waits, checks nothing, and refuses clones.
+/// The sensor on its bus. Its set-up is our own, because `Mpu6050::init` waits, checks nothing, and refuses clones.
 pub struct Imu<I2C> {
     sensor: Mpu6050<Reverse<I2C>>,
     config: Config,
@@ -183,7 +187,7 @@ pub struct Imu<I2C> {
     unchecked: u8,
     /// INT_STATUS, the last sample, and the byte after it.
     burst: [u8; 16],
-    /// Of the bytes of the last sample: it changes from sample to sample as the sensor's noise does.
+    /// Weighted sum of the bytes of the last sample: it changes with the sensor's noise from sample to sample.
     sum: u8,
     /// Readings in a row that no sensor makes, up to [`LIFELESS_READINGS`].
     lifeless: u8,
@@ -305,12 +309,12 @@ impl<I2C: I2c> Imu<I2C> {
         Ok(is_new && self.is_alive()?)
     }
 
-    /// Returns whether a new sample is that of a sensor.
+    /// Returns whether a new sample is from a working sensor.
     fn is_alive(&mut self) -> Result<bool, ReadError> {
         let [_, sample @ .., _] = &self.burst;
         let [.., a, b, c, d, e, f] = sample;
         let turns = a | b | c | d | e | f != 0;
-        // Another weight for each byte: changes by one of a quiet sensor do not cancel each other.
+        // Each byte has its own weight, so that changes by one of a quiet sensor do not cancel each other.
         let sum = sample.iter().fold(0, |sum: u8, byte| sum.wrapping_mul(3).wrapping_add(*byte));
         let is_alive = sum != self.sum && turns;
         self.sum = sum;

@@ -28,7 +28,7 @@
 //!
 //! `make mutants` changes each operator, return value, match arm and condition of this library and of `protocol`, one at a
 //! time, and prints each change that their tests do not notice. `.cargo/mutants.toml` lists what it leaves out, with the
-//! reasons: the registers (`board/`, `main.rs`), which the emulated board tests, and the changes that nobody can notice.
+//! reasons: the registers (`board/`, `main.rs`), which the emulated board tests, and the changes without an effect.
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
@@ -50,8 +50,8 @@ pub mod settings;
 pub mod storage;
 pub mod supply;
 
-/// Returns the integer nearest to `x * 2^places`, saturated; 0 for NaN. In integers and in one place, because each
-/// conversion by `as` takes four comparisons of f32, 400 cycles and 100 bytes.
+/// Returns the integer nearest to `x * 2^places`, saturated; 0 for NaN. Works in integers, and in this one place,
+/// because each conversion by `as` takes four comparisons of f32, 400 cycles and 100 bytes.
 #[inline(never)]
 fn round_to_i16(x: f32, places: u8) -> i16 {
     let bits = x.to_bits();

@@ -82,7 +82,7 @@ impl Link {
         }
     }
 
-    /// Returns the room for a frame, while no byte has come from the host.
+    /// Returns the buffer of a frame, for use before the host's first byte.
     pub fn accumulator(&mut self) -> &mut Accumulator {
         &mut self.accumulator
     }
@@ -104,7 +104,7 @@ impl Link {
 
     /// Returns the previous answer if `request` repeats the previous request.
     pub fn repetition(&self, request: &Request) -> Option<Answer> {
-        // A new host may begin with the number with which the one before ended.
+        // A new host may begin with the last number of the host before.
         self.last
             .filter(|(seq, answer)| {
                 *seq == request.seq && *answer != Answer::Later && request.command != Command::Hello

@@ -28,7 +28,7 @@ mod nano {
     unsafe extern "C" {}
 
     /// Identifies this image to the host, in the file or in flash: 16 letters, the first four bytes of the commit in
-    /// hexadecimal, `+` with or a space without uncommitted changes, and the protocol's version as a byte.
+    /// hexadecimal, `+` if there are uncommitted changes and a space if not, and the protocol's version as a byte.
     #[unsafe(link_section = ".progmem.data")]
     static MARKER: [u8; 26] = marker();
 
@@ -96,8 +96,8 @@ mod nano {
                 app.after_tick(&mut outbox);
                 crash::feed_watchdog();
             } else if inbox.ready() {
-                // To the end of a frame at once: looking at clock and tick between any two bytes would take longer than the
-                // bytes do.
+                // To the end of a frame at once: a check of clock and tick between any two bytes would take longer than
+                // the bytes.
                 while let Some(byte) = inbox.dequeue() {
                     if byte == 0 {
                         app.receive(byte, serial::frame_end(), &mut outbox);

@@ -6,8 +6,8 @@
 //! | low | high | duty | turns backwards |
 //! | low | low | 0 | off, free to turn |
 //!
-//! A motor follows an angle that advances by its target exactly, in integers, so that two motors keep the ratio of their
-//! targets for any time: how far it is behind is added to the set-point of its speed.
+//! A motor follows an angle that advances by its target exactly, in integers, so that two motors keep the ratio of
+//! their targets for any time: a speed in proportion to its lag is added to its set-point.
 //!
 //! STBY is low whenever both motors are off, so that a motor then turns only if two pins fail.
 
@@ -59,18 +59,18 @@ impl Gains {
     }
 }
 
-/// Parts of the unit of an angle, a tick at a hundredth of rpm: a count of the published encoder is 510,113 of them.
+/// Parts of the unit of an angle, which is a tick at a hundredth of rpm: a count of the published encoder is 510,113 of
+/// them.
 const PARTS: i32 = 1 << 8;
 
-/// The farthest that a motor is behind or ahead of its target's angle, a third of a turn: one that was held does not catch up
-/// with more.
+/// The largest lag or lead of a motor, a third of a turn: a motor that was held does not catch up with more.
 const MAX_LAG: i32 = 400_000 * PARTS;
 
 /// The speed that is added per lag: 12.2 rpm for each rpm·s, as a shift.
 const CATCH_UP: u8 = 12;
 
-/// The least limit of that speed, hundredths of rpm; half of the target is added. A motor that is ahead stands
-/// still at most.
+/// The least limit of that speed, hundredths of rpm; half of the target is added. A motor that is ahead slows down to a
+/// standstill at most.
 const SLOWEST_CATCH_UP: i32 = 1000;
 
 /// Returns `x`, at most `limit` either way. Unlike `clamp`, it cannot panic.
@@ -93,12 +93,13 @@ pub struct SpeedControl {
     integral: f32,
     /// The integral of the target less the counted angle, in hundredths of rpm times ticks, in [`PARTS`].
     lag: i32,
-    /// The angle since it was counted, from half a count behind the middle between two edges to half a count ahead of it.
+    /// The estimated angle since the last count, from half a count behind the middle between two edges to half a count
+    /// ahead of it.
     since: i32,
 }
 
 impl SpeedControl {
-    /// Takes the motion of a tick, and the `missed` ones before it, in which the target was in force. `count` is
+    /// Takes the motion of a tick and of the `missed` ticks before it, in which the target was in force. `count` is
     /// [`count_in_ticks`] of the encoder.
     #[inline(never)]
     pub fn follow(&mut self, target: CentiRpm, missed: u8, motion: &Motion, count: i32) {
@@ -113,7 +114,7 @@ impl SpeedControl {
         };
     }
 
-    /// Returns the duty for the next tick of a turn to a position, whose target is a speed that brings it there; 0 brakes.
+    /// Returns the duty for the next tick of a turn to a position. The target is the speed of the approach; 0 brakes.
     pub fn approach(&mut self, target: CentiRpm, speed: CentiRpm, gains: Gains) -> Duty {
         self.lag = 0;
         self.since = 0;
@@ -121,7 +122,7 @@ impl SpeedControl {
             self.integral = 0.0;
             return Duty(round_to_i16(-gains.kp * f32::from(speed.0), 0).clamp(-Duty::FULL.0, Duty::FULL.0));
         }
-        // What tore a gear loose that sticks would take it far.
+        // The integral that tore a sticking gear loose would take the motor too far.
         if speed.0.unsigned_abs() > target.0.unsigned_abs() {
             self.integral *= 0.5;
         }
@@ -141,7 +142,7 @@ impl SpeedControl {
         let catch_up = within((self.lag - self.since) >> CATCH_UP, limit);
         self.lag = within(self.lag + target * PARTS, MAX_LAG);
         let error = (target + catch_up - i32::from(speed.0)) as f32;
-        // No duty against the target lasts: what is left from before a reversal goes at once.
+        // The integral never acts against the target: its rest from before a reversal is dropped at once.
         if self.integral.is_sign_negative() != target.is_negative() {
             self.integral = 0.0;
         }
@@ -159,13 +160,13 @@ impl SpeedControl {
 /// A turn of both motors to positions of their encoders.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
-    /// Where they turn to.
+    /// The positions to reach.
     pub position: [EncoderCounts; 2],
-    /// Their speed far from there.
+    /// The speed far from these positions.
     pub speed: CentiRpm,
 }
 
-/// The distance at which a motor has arrived, counts: what it turns on when it brakes from the slowest speed.
+/// The distance at which a motor has arrived, counts: its braking distance from the slowest speed.
 const ARRIVED: u32 = 2;
 
 /// The speed of an approach, hundredths of rpm for each count of the distance.
@@ -211,7 +212,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
         }
     }
 
-    /// Drives both motors; `reversed` tells which of them a positive duty turns backwards.
+    /// Drives both motors; `reversed`: the motors that a positive duty turns backwards.
     pub fn drive(&mut self, duty: &[Duty; 2], reversed: &[bool; 2]) {
         if duty[0].0 | duty[1].0 == 0 {
             return self.stop();

@@ -1,5 +1,5 @@
-//! The positions of both shafts over a loss of power: the gears do not turn by themselves, so that what the encoders counted
-//! up to the last rest still holds.
+//! The positions of both shafts over a loss of power: the gears do not turn by themselves, so the encoders' counts up
+//! to the last rest still hold.
 //!
 //! A record has a slot of its own in the EEPROM, from address 448 on:
 //!
@@ -10,12 +10,12 @@
 //! | 10 | 0xA5 if the record is valid |
 //!
 //! At most one record is valid. Its last byte is cleared before a motor turns, or when a hand turns a shaft. When both shafts
-//! have come to rest, a new record is written: all of it, and then its last byte. So after a loss of power at any time the one
-//! valid record is right, or there is none, and the positions are not known.
+//! have come to rest, a new record is written, with its last byte at the end. So after a loss of power at any time the
+//! one valid record is right, or there is none, and the positions are not known.
 //!
-//! A record takes the next of 52 slots and writes the last byte of its slot twice: the 100,000 writes that a byte endures
-//! (ATmega328P, section 8.4) are those of 2.6 million records. A trial with its parking has two: a hundred trials a day are
-//! 35 years.
+//! A record takes the next of 52 slots and writes the last byte of its slot twice: the 100,000 writes that a byte
+//! endures (ATmega328P, section 8.4) are enough for 2.6 million records. A trial with its parking takes two: that is 35
+//! years of a hundred trials a day.
 
 use protocol::units::EncoderCounts;
 
@@ -57,7 +57,7 @@ impl Positions {
         for slot in 0..SLOTS {
             if let Some(positions) = read(storage, slot) {
                 if found.is_some() {
-                    // Of two, which only a broken memory has, neither is known to be right.
+                    // Only a broken memory has two valid records, and neither is known to be right.
                     self.outdated = true;
                     storage.write(address_of(self.slot) + RECORD as u16, INVALID);
                 }
@@ -102,7 +102,7 @@ impl Positions {
                 return false;
             }
             if is_valid && self.writes < MAX_WRITES {
-                // If the last byte is broken, the ones before it make the CRC wrong.
+                // If the last byte cannot be cleared, clearing those before it makes the CRC wrong.
                 let byte = SLOT - 1 - u16::from(self.writes / 2);
                 storage.write(address_of(self.slot) + byte, INVALID);
                 self.writes += 1;

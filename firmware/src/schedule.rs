@@ -71,7 +71,7 @@ impl Schedule {
         self.is_active() && self.remaining().iter().any(is_motion)
     }
 
-    /// Returns the set-points that have not begun. Without a panic in the image, which does not link with one.
+    /// Returns the set-points that have not begun. It cannot panic: an image in which something can does not link.
     #[inline(never)]
     fn remaining(&self) -> &[SetPoint] {
         self.points.get(usize::from(self.begun)..usize::from(self.count)).unwrap_or(&[])

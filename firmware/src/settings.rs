@@ -22,8 +22,8 @@
 //! lack. Without valid settings (a blank memory) the defaults apply.
 //!
 //! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count of
-//! starts rotates over eight places. A counter that is not one more than the one in the place before it is that of a write
-//! cut off by loss of power, and does not count.
+//! starts rotates over eight places. A counter that is not one more than the counter in the place before it comes from
+//! a write cut off by loss of power, and does not count.
 
 use protocol::frame::Accumulator;
 use protocol::units::EncoderCounts;
@@ -48,8 +48,8 @@ const BLANK_BYTE: u8 = u8::MAX;
 const LAYOUT: u8 = 2;
 /// Length of the settings in this layout.
 const LENGTH: usize = 53;
-/// The second byte of a frame of older firmware. That of protocol version 1 stored the settings as it received them, with
-/// the number of the request and this number of the command.
+/// The second byte of a frame of older firmware. The firmware of protocol version 1 stored the settings as it received
+/// them, with the number of the request and this number of the command.
 const OLD_TAG: u8 = 7;
 
 /// Writes of a save after which the memory counts as broken: every byte twice.
@@ -117,7 +117,7 @@ impl<S: Storage> Store<S> {
                 };
             }
         }
-        // A blank memory has no end of a frame, and the accumulator is to be empty for the next user.
+        // A blank memory has no end of a frame, and the accumulator must be empty for the next user.
         let _ = accumulator.push_for_payload(0);
         false
     }
@@ -162,7 +162,7 @@ impl<S: Storage> Store<S> {
     }
 
     /// Advances the record of the shafts' positions by one tick, which writes at most one byte; returns whether it did.
-    /// The others then wait, because the motors may wait for this one.
+    /// Other writes then wait, because the motors may wait for this one.
     pub fn step_positions(&mut self, positions: &[EncoderCounts; 2], at_rest: bool) -> bool {
         self.positions.step(&mut self.storage, positions, at_rest)
     }
@@ -176,7 +176,7 @@ impl<S: Storage> Store<S> {
             return Saving::Busy;
         }
         let Some(steps) = self.steps else { return Saving::Idle };
-        // The first step looks whether these settings are saved already.
+        // The first step checks whether these settings are saved already.
         let writes = steps.checked_sub(1);
         let number = match self.saved {
             Some(saved) => saved.wrapping_add(u8::from(writes.is_some())),

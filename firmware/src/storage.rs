@@ -29,7 +29,7 @@ pub fn write_first_difference(storage: &mut impl Storage, address: u16, wanted: 
     difference.is_some()
 }
 
-/// Reads bytes that end in the CRC-16 of those before it, little-endian; returns whether it matches.
+/// Reads bytes that end in the CRC-16 of the others, little-endian; returns whether it matches.
 #[inline(never)]
 pub fn read_checked(storage: &mut impl Storage, address: u16, bytes: &mut [u8]) -> bool {
     for (address, byte) in (address..).zip(bytes.iter_mut()) {
@@ -61,14 +61,14 @@ pub(crate) mod tests {
         pub(crate) power: Option<Rc<Cell<Power>>>,
     }
 
-    /// Power for so many more writes.
+    /// Power for this many more writes.
     #[derive(Clone, Copy)]
     pub(crate) struct Power {
         pub(crate) writes: u32,
         pub(crate) end: End,
     }
 
-    /// What becomes of the byte that is written when the power ends.
+    /// The fate of the byte that is being written when the power ends.
     #[derive(Clone, Copy, PartialEq, Debug)]
     pub(crate) enum End {
         /// It stays as it was.
@@ -97,7 +97,7 @@ pub(crate) mod tests {
             Self { bytes, writes, stuck: None, power: None }
         }
 
-        /// The same memory, with power for so many writes only.
+        /// Returns the same memory, with power for this many writes only.
         pub(crate) fn cut_after(&self, writes: u32, end: End) -> Self {
             Self { power: Some(Rc::new(Cell::new(Power { writes, end }))), ..self.clone() }
         }

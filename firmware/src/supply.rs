@@ -6,7 +6,7 @@ use protocol::{Fault, MIN_SUPPLY_MV};
 
 use crate::round_to_i16;
 
-/// Number of successive readings below the limit that are a fault, so that a spike on the supply is not.
+/// Number of successive readings below the limit that make a fault. A single spike on the supply does not.
 const LOW_READINGS: u8 = 2;
 
 /// The supply over time.
@@ -19,7 +19,7 @@ impl Supply {
     /// Takes a reading of the reference, in 1024ths of the supply; returns the supply.
     #[inline(never)]
     pub fn update(&mut self, counts: u16, bandgap: Millivolts) -> Millivolts {
-        // The division of f32 is in the program anyway, that of u32 would add a kilobyte.
+        // The program has a division of f32 anyway; one of u32 would add a kilobyte.
         let supply = round_to_i16(f32::from(bandgap.0) * 1024.0 / f32::from(counts.max(1)), 0).unsigned_abs();
         self.low = if supply < MIN_SUPPLY_MV { self.low.saturating_add(1) } else { 0 };
         Millivolts(supply)

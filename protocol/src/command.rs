@@ -67,7 +67,7 @@ pub enum Command {
         at: Micros,
     },
     /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. During the
-    /// drive the board checks the deadline and the heat of the windings, but not what the encoders tell.
+    /// drive the board checks the deadline and the heat of the windings, but not the encoders.
     Drive {
         /// Duties of motors 1 and 2.
         duty: [Duty; 2],
@@ -103,8 +103,8 @@ pub enum Command {
     },
 }
 
-/// Length of the note: what the host keeps on the board, in [`NOTE_COPIES`] copies, one after the other. The board does not
-/// use it.
+/// Length of the note: bytes that the host keeps on the board in [`NOTE_COPIES`] copies, one after the other. The board
+/// does not use them.
 pub const NOTE_LENGTH: u8 = 20;
 
 /// Copies of the note. The host writes the older one, so that a loss of power leaves the other.
@@ -133,6 +133,6 @@ pub struct SetPoint {
     pub tick: u32,
     /// Target speeds of flagella 1 and 2 from then on, each within [`CentiRpm::LIMIT`].
     pub speeds: [CentiRpm; 2],
-    /// The number that the telemetry carries from then on; the host chooses it, not 0.
+    /// The number in the telemetry from then on. The host chooses it; it is not 0.
     pub phase: u8,
 }

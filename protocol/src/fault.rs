@@ -18,13 +18,13 @@ pub enum Fault {
     LinkLost,
     /// The program hung, or a reset cut it off while a motor was on, and was restarted.
     Hang,
-    /// The program panicked and was restarted. In the log of older firmware: nothing in the present image can panic.
+    /// The program panicked and was restarted. Only in the log of older firmware: the present image cannot panic.
     Panic,
     /// The IMU does not acknowledge.
     ImuSilent,
     /// The IMU's bus is stuck, and clock pulses did not free it.
     ImuBusStuck,
-    /// The IMU has no new data, or calls new what is not: the same data again and again, or a gyroscope of zero.
+    /// The IMU has no new data, or reports old data as new: the same data again and again, or a gyroscope of zero.
     ImuFrozen,
     /// The IMU loses its configuration repeatedly.
     ImuLostConfig,
@@ -53,7 +53,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Every fault, in the order of its number on the wire, and in the fault log.
+    /// All faults, in the order of their numbers on the wire and in the fault log.
     pub const ALL: [Self; 19] = [
         Self::None,
         Self::LinkLost,
@@ -101,7 +101,7 @@ pub struct FaultRecord {
     pub duty: [Duty; 2],
     /// Measured speeds.
     pub speed: [CentiRpm; 2],
-    /// Where the program hung: the address in flash, bytes. 0 for other faults, or if it is not known.
+    /// Address in flash at which the program hung, bytes. 0 for other faults, or if it is not known.
     #[serde(with = "crate::fixed::u16")]
     pub program_counter: u16,
 }

@@ -10,8 +10,8 @@
 //! synchronised again after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF)
 //! detects every burst of up to 16 bits and misses one in 65536 of other errors.
 //!
-//! A frame is shorter than 255 bytes, so that COBS is one chain of distances from zero to zero and works in place: on the
-//! board this takes a third of the time of a CRC and a COBS encoder that take byte after byte.
+//! A frame is shorter than 255 bytes, so that COBS is one chain of distances from zero to zero and works in place: on
+//! the board this takes a third of the time of a CRC and a COBS encoder that work byte by byte.
 
 use serde::{Deserialize, Serialize};
 
@@ -50,8 +50,8 @@ impl core::error::Error for FrameError {}
 ///
 /// # Errors
 /// [`FrameError::TooLong`] if `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
-// Within a caller that has the buffer on its stack, every access to the encoder would take five more instructions on the
-// board, where the stack pointer reaches 63 bytes.
+// Inlined into a caller that has the buffer on its stack, every access to the encoder would take five more instructions
+// on the board, where access by the stack pointer reaches 63 bytes.
 #[inline(never)]
 pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a mut [u8], FrameError> {
     let payload = buffer.get_mut(1..).ok_or(FrameError::TooLong)?;
@@ -176,8 +176,8 @@ impl Default for Accumulator {
 /// Bytes of a frame besides its payload: the first distance of COBS, the CRC, the delimiter.
 const OVERHEAD: usize = 4;
 
-/// Returns the CRC-16/X-25 of `bytes`. A table of 512 bytes would take a quarter of the board's SRAM. In bytes, which takes half as
-/// long there as in words.
+/// Returns the CRC-16/X-25 of `bytes`. A table of 512 bytes would take a quarter of the board's SRAM. The computation
+/// is in bytes, which takes half as long on the board as in words.
 #[inline(never)]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let [mut low, mut high] = [0xFF; 2];

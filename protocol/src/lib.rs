@@ -118,7 +118,7 @@ pub enum Message {
     Telemetry(Telemetry),
 }
 
-/// A [`Message`] that the sender keeps: the same bytes, without a copy on the board's stack.
+/// A borrowed [`Message`]: the same bytes, without a copy on the board's stack.
 #[derive(Serialize, Clone, Copy, Debug)]
 pub enum MessageRef<'a> {
     /// [`Message::Reply`]

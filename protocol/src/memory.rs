@@ -1,6 +1,6 @@
-//! On the board, a structure in memory is its bytes on the wire: the processor is little-endian and leaves no gaps. So the
-//! board copies structures, where the computer takes field after field, which saves a sixth of the image. The tests of the
-//! emulated board hold the two against each other.
+//! On the board, a structure in memory is its bytes on the wire: the processor is little-endian and leaves no gaps. So
+//! the board copies whole structures, while the computer takes field after field; this saves a sixth of the image. The
+//! tests of the emulated board compare the two.
 
 use crate::{FaultRecord, Request, Settings};
 
@@ -15,7 +15,7 @@ impl Request {
 }
 
 impl Settings {
-    /// Reads settings from their bytes, if they are some.
+    /// Reads settings from their bytes, if these are settings.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         #[cfg(target_arch = "avr")]
         return zerocopy::TryFromBytes::try_read_from_bytes(bytes).ok();
@@ -25,7 +25,7 @@ impl Settings {
 }
 
 impl FaultRecord {
-    /// Reads a record from its bytes, if it is one.
+    /// Reads a record from its bytes, if these are a record.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         #[cfg(target_arch = "avr")]
         return zerocopy::TryFromBytes::try_read_from_bytes(bytes).ok();
@@ -56,7 +56,7 @@ mod board {
     #[inline(never)]
     fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
         let mut tuple = serializer.serialize_tuple(bytes.len())?;
-        // Four bytes at once, in half the time: a number that postcard copies as it is.
+        // Four bytes at once take half the time: postcard copies a number of four bytes unchanged.
         let (fours, rest) = bytes.as_chunks();
         for four in fours {
             tuple.serialize_element(&f32::from_le_bytes(*four))?;
@@ -69,7 +69,7 @@ mod board {
 
     #[inline(never)]
     pub fn read_request(payload: &[u8]) -> Option<Request> {
-        // Commands differ in length, and all of them take the place of the longest.
+        // Commands differ in length on the wire; in memory all of them take the space of the longest.
         let mut bytes = [0; size_of::<Request>()];
         bytes.get_mut(..payload.len())?.copy_from_slice(payload);
         let request = Request::try_ref_from_bytes(&bytes).ok()?;

@@ -41,7 +41,7 @@ pub enum Refusal {
     Running,
     /// A calibration is running.
     Calibrating,
-    /// The EEPROM does not hold what was written to it.
+    /// The EEPROM does not hold the bytes written to it.
     EepromFailed,
     /// The set-points are not a schedule, or it would start in the past.
     NotASchedule,
@@ -113,7 +113,7 @@ pub enum ResetCause {
     Watchdog,
     /// The program hung; its watchdog interrupt stopped the motors and restarted it.
     Hang,
-    /// The program panicked, stopped the motors and restarted itself. As [`Fault::Panic`](crate::Fault::Panic).
+    /// The program panicked, stopped the motors and restarted itself. See [`Fault::Panic`](crate::Fault::Panic).
     Panic,
 }
 

@@ -1,4 +1,4 @@
-//! The settings that the board keeps of its robot.
+//! The board's settings for its robot.
 
 use crate::units::{AccelRange, AxisMap, GyroRange, Millivolts};
 use serde::{Deserialize, Serialize};
@@ -100,8 +100,8 @@ impl Settings {
     }
 }
 
-/// Returns whether `x` is in [0, limit]. As integers, because numbers without a sign have the order of their bits, and NaN
-/// and the negative ones are above all of them: on the board a comparison of f32 takes a call.
+/// Returns whether `x` is in [0, limit]. Compares the bits as integers, because a comparison of f32 takes a call on the
+/// board: numbers without a sign have the order of their bits, and NaN and negative numbers are above all of them.
 fn is_within(x: f32, limit: f32) -> bool {
     x.to_bits() <= limit.to_bits()
 }

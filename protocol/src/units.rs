@@ -343,7 +343,7 @@ fn round_to_i16(x: f64) -> i16 {
     (x + 0.5f64.copysign(x)) as i16
 }
 
-/// Square root by Newton's method: `core` has none, and the host needs it to the last digit.
+/// Returns the square root by Newton's method: `core` has none, and the host needs it to the last digit.
 fn sqrt(x: f64) -> f64 {
     let mut root = f64::from_bits((x.to_bits() >> 1) + (1023 << 51));
     for _ in 0..5 {

@@ -1,24 +1,23 @@
 //! Modelling errors of the steady angles, relative to the robot in its tank; numerical errors are not included.
 //!
-//! Each figure is the measured effect of something that the parameters leave out: the largest effect at the four published
-//! points with equal starting angles, rounded up. The error of rods as lines follows the robot's flagella.
+//! Each figure is the measured effect of an omission in the parameters: the largest effect at the four published points
+//! with equal starting angles, rounded up. The error of rods as lines is computed from the robot's flagella.
 //! `sim/docs/accuracy.md` has the tables and the commands that print them.
 
 use crate::params::Robot;
 use std::f64::consts::TAU;
 
-/// Below this regularisation, in rod radii, the flow is that of a much thinner rod. The value of a round rod is
-/// e^(1/2).
+/// Below this regularisation, in rod radii, the flow is like a much thinner rod's. A round rod has e^(1/2).
 const THIN_RADII: f64 = 1.3;
 /// Below this share of a round rod's couple the rods spin freely.
 const FREE_SPIN: f64 = 0.5;
 
-/// Error of the yaw by rods as lines, and edges of 5 mm.
+/// Error of the yaw from rods as lines and edges of 5 mm.
 const LINES_YAW: f64 = 0.05;
-/// Distance from a helix's centre line, over the length of a turn of it, within which a rod of slender-body theory has its
-/// own flow (Lighthill 1976, SIAM Rev. 18, 161).
+/// Slender-body theory counts flow within this distance of a helix's centre line, over the length of a turn, as the
+/// rod's own (Lighthill 1976, SIAM Rev. 18, 161).
 const NEAR: f64 = 0.09;
-/// The theory needs rods that are thinner than the flow about them: below this logarithm it has no drag to offer.
+/// The theory needs rods that are thinner than the flow about them: it gives no valid drag below this logarithm.
 const LEAST_LOGARITHM: f64 = 0.2;
 /// A regularisation of 1.03 rod radii.
 const THIN: Cause = Cause { what: "thin rods", yaw: 0.14, tilt: 0.25 };
@@ -34,7 +33,7 @@ const WALLS: Cause = Cause { what: "no walls", yaw: 0.04, tilt: 0.4 };
 /// An effect, and the relative error that it leaves in the steady angles.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Cause {
-    /// What is left out or approximate.
+    /// The omission or approximation.
     pub what: &'static str,
     /// Relative error of the yaw.
     pub yaw: f64,
@@ -69,14 +68,14 @@ impl ModelError {
         Self { causes }
     }
 
-    /// Returns the error by rods as lines. Lines have the forces of a flagellum, and the torque of the couples by which it
-    /// turns the fluid about its rod, but not their flow. The mean swirl about a flagellum is that of its whole torque, and
-    /// drives the mean lateral force of the other one, from which most of the mean tilt comes: both are too small by the share
-    /// of these couples in the torque. This bounds it from above.
+    /// Returns the error from rods as lines. Lines have a flagellum's forces and the torque of the couples that turn
+    /// the fluid about its rod, but not the flow of these couples. A flagellum's whole torque causes the mean swirl
+    /// about it. The swirl drives the mean lateral force on the other flagellum, which causes most of the mean tilt.
+    /// Swirl and force are too small by the share of these couples in the torque. This bounds the error from above.
     ///
     /// The couple of a rod of radius a that turns at 1 rad/s about its own centre line is 4 π μ a² per length; a rod at an
-    /// angle to the axis needs less. The torque of its centre line about the helix's axis is that of resistive-force theory,
-    /// with Lighthill's coefficients.
+    /// angle to the axis needs less. The torque of its centre line about the helix's axis follows from resistive-force
+    /// theory with Lighthill's coefficients.
     pub fn of_lines(robot: &Robot) -> Cause {
         let flagellum = &robot.flagellum;
         let (radius, advance) = (flagellum.helix_radius_m, flagellum.pitch_m / TAU);
@@ -99,14 +98,14 @@ impl ModelError {
         self.total(|cause| cause.tilt)
     }
 
-    /// Returns the errors of the model in degrees where the robot has this yaw, pitch and roll in degrees. Pitch and roll
+    /// Returns the errors of the model in degrees for a robot with this yaw, pitch and roll in degrees. Pitch and roll
     /// have an error in proportion to the whole tilt, because the error may have another direction than the tilt.
     pub fn of_angles_deg(&self, angles_deg: [f64; 3]) -> [f64; 3] {
         in_proportion([self.yaw(), self.tilt()], angles_deg)
     }
 
-    /// Returns the same where the model has these angles. An error of a share e of the robot's angle is up to e / (1 - e) of
-    /// the model's, which is the smaller one if the model leaves out what moves the robot.
+    /// Returns the same for a model with these angles. An error of a share e of the robot's angle is up to e / (1 - e)
+    /// of the model's angle, which is smaller if the model leaves out an effect that moves the robot.
     pub fn of_modelled_deg(&self, angles_deg: [f64; 3]) -> [f64; 3] {
         let of_model = |share: f64| share / (1.0 - share);
         let shares = [self.total(|cause| of_model(cause.yaw)), self.total(|cause| of_model(cause.tilt))];
@@ -160,7 +159,7 @@ mod tests {
         assert!(radii.windows(2).all(|pair| pair[1].tilt() > 1.4 * pair[0].tilt()), "{radii:?}");
         for error in radii {
             let robot = [-100.0, 3.0, -4.0];
-            // The model that has all of the error: its angles are the robot's less it.
+            // A model with the whole error: its angles are the robot's angles less the error.
             let model = [1.0 - error.yaw(), 1.0 - error.tilt(), 1.0 - error.tilt()];
             let modelled = [0, 1, 2].map(|k| model[k] * robot[k]);
             for (one, other) in error.of_angles_deg(robot).iter().zip(error.of_modelled_deg(modelled)) {

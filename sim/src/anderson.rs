@@ -4,7 +4,7 @@
 
 use crate::linear::solve;
 
-/// Differences of iterates that are combined.
+/// Number of differences of iterates that are combined.
 const DEPTH: usize = 5;
 /// A combination with larger coefficients amplifies noise.
 const LARGEST: f64 = 30.0;

@@ -5,15 +5,15 @@ use nalgebra::DMatrix;
 /// Columns of a block.
 const BLOCK: usize = 96;
 
-/// Factors the damped normal matrix N = A^T A + d 1 = L L^T of the columns of `of` and returns `rows` times L^-T, so that the
-/// product of two results is `rows` N^-1 `rows`^T. `damping`: d relative to the mean of N's diagonal. `None` when N is not
-/// positive definite to rounding.
+/// Factors the damped normal matrix N = A^T A + d 1 = L L^T, with A = `of`. Returns X = `rows` L^-T, for which X X^T =
+/// `rows` N^-1 `rows`^T. `damping`: d relative to the mean of N's diagonal. `None` when N is not positive definite to
+/// rounding.
 pub fn whiten(of: &DMatrix<f64>, rows: &DMatrix<f64>, damping: f64) -> Option<DMatrix<f64>> {
     let size = of.ncols();
     let damping = damping * of.norm_squared() / size as f64;
-    // The library's product with a transpose is far slower than that with a copy of it.
+    // The library's product with a transpose is far slower than its product with a copy of the transpose.
     let across = of.transpose();
-    // N, of which the lower half is used, over the rows.
+    // N (only its lower half is used) above the rows.
     let mut matrix = DMatrix::zeros(size + rows.nrows(), size);
     matrix.rows_mut(size, rows.nrows()).copy_from(rows);
     for start in (0..size).step_by(BLOCK) {

@@ -1,4 +1,4 @@
-//! The four dimensionless groups by which a map of speeds applies to other robots, and robots with given groups.
+//! The four dimensionless groups that transfer a map of speeds to other robots, and robots with given groups.
 //!
 //! The publication (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291) names them: omega mu l^4/(E I), d/l,
 //! pitch/L and R/L with the contour length l and the axial length L of a flagellum. Without inertia of the fluid, two
@@ -16,7 +16,7 @@ pub const SPEED_RPM: f64 = 90.0;
 /// The four groups of a robot, dimensionless.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Groups {
-    /// omega mu l^4/(E I) at [`SPEED_RPM`]: viscous over elastic forces. Larger values are softer flagella.
+    /// omega mu l^4/(E I) at [`SPEED_RPM`]: viscous over elastic forces. Larger values mean softer flagella.
     pub stiffness: f64,
     /// Distance of the shafts over the contour length, d/l.
     pub spacing: f64,
@@ -42,11 +42,12 @@ impl Groups {
     /// Returns the robot with these groups that is otherwise similar to `like`, `size` times as large in a fluid
     /// `viscosity` times as viscous.
     ///
-    /// Pitch and radius of the helix follow from L, with them the contour length l; from l the distance of the shafts
-    /// and Young's modulus. All other lengths keep their ratio to L. The righting moment, the tether, the friction of
-    /// the joint and the inertia (over omega) keep their ratio to mu omega l^3, the net weight of a rod's length its
-    /// ratio to mu omega l: the first through the mass centre, the last through the density of the rods. A turn of the
-    /// helix has at least as many edges as that of `like`. A glycerol mixture is replaced by its viscosity and density.
+    /// L gives the pitch and radius of the helix and so the contour length l; l gives the distance of the shafts and
+    /// Young's modulus. All other lengths keep their ratio to L. The righting moment, the tether, the friction of the
+    /// joint and the inertia (over omega) keep their ratio to mu omega l^3. The net weight of a rod per length keeps
+    /// its ratio to mu omega l. The mass centre sets the righting moment, the density of the rods their net weight. A
+    /// turn of the helix has at least as many edges as in `like`. A glycerol mixture is replaced by its viscosity and
+    /// density.
     ///
     /// The robot may be impossible, see [`Robot::validate`].
     pub fn robot(&self, like: &Robot, size: f64, viscosity: f64) -> Robot {

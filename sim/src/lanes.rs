@@ -19,74 +19,74 @@ pub struct Wide<S: Simd> {
 }
 
 impl<S: Simd> Wide<S> {
-    /// The same number everywhere.
+    /// Returns a register with the same number in every lane.
     #[inline(always)]
     pub fn all(simd: S, value: f64) -> Self {
         Self { simd, value: simd.splat_f64s(value) }
     }
 
-    /// Neighbours of a slice.
+    /// Reads neighbouring entries of a slice.
     #[inline(always)]
     pub fn load(simd: S, values: &[f64], at: usize) -> Self {
         Self { simd, value: S::as_simd_f64s(&values[at..at + S::F64_LANES]).0[0] }
     }
 
-    /// Writes to neighbours of a slice.
+    /// Writes to neighbouring entries of a slice.
     #[inline(always)]
     pub fn store(self, values: &mut [f64], at: usize) {
         S::as_mut_simd_f64s(&mut values[at..at + S::F64_LANES]).0[0] = self.value;
     }
 
-    /// Square roots.
+    /// Returns the square roots.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         Self { value: self.simd.sqrt_f64s(self.value), ..self }
     }
 
-    /// Inverses.
+    /// Returns the inverses.
     #[inline(always)]
     pub fn inverse(self) -> Self {
         let one = self.simd.splat_f64s(1.0);
         Self { value: self.simd.div_f64s(one, self.value), ..self }
     }
 
-    /// self * factor + term.
+    /// Returns self * factor + term.
     #[inline(always)]
     pub fn times_plus(self, factor: Self, term: Self) -> Self {
         Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
     }
 
-    /// self * factor.
+    /// Returns self * factor.
     #[inline(always)]
     pub fn scaled(self, factor: f64) -> Self {
         self * Self::all(self.simd, factor)
     }
 
-    /// 1 + self.
+    /// Returns 1 + self.
     #[inline(always)]
     pub fn plus_one(self) -> Self {
         self + Self::all(self.simd, 1.0)
     }
 
-    /// The smaller number in each lane; that of `other` where one is a NaN.
+    /// Returns the smaller number in each lane; the number of `other` if one is a NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
         Self { value: self.simd.min_f64s(self.value, other.value), ..self }
     }
 
-    /// The least number.
+    /// Returns the least number.
     #[inline(always)]
     pub fn least(self) -> f64 {
         self.simd.reduce_min_f64s(self.value)
     }
 
-    /// Whether any number is below that of `bound`.
+    /// Returns whether any lane's number is below that lane's bound.
     #[inline(always)]
     pub fn any_below(self, bound: Self) -> bool {
         self.simd.first_true_m64s(self.simd.less_than_f64s(self.value, bound.value)) < S::F64_LANES
     }
 
-    /// Sum of the terms c_k self^k, lowest first.
+    /// Returns the sum of the terms c_k self^k, lowest first.
     #[inline(always)]
     fn polynomial(self, terms: &[f64]) -> Self {
         let mut sum = Self::all(self.simd, 0.0);
@@ -96,17 +96,17 @@ impl<S: Simd> Wide<S> {
         sum
     }
 
-    /// Nearest whole number, below 2^51.
+    /// Returns the nearest whole numbers, for magnitudes below 2^51.
     #[inline(always)]
     pub fn round(self) -> Self {
         let shift = Self::all(self.simd, 6_755_399_441_055_744.0);
         (self + shift) - shift
     }
 
-    /// Sine and cosine, good to rounding for angles up to some thousand revolutions.
+    /// Returns sine and cosine, good to rounding for angles up to some thousand revolutions.
     #[inline(always)]
     pub fn sin_cos(self) -> (Self, Self) {
-        // A quarter of the angle, less whole revolutions, has a short series; its double is taken twice.
+        // A quarter of the angle, less whole revolutions, has a short series; the angle is then doubled twice.
         let turns = self.scaled(1.0 / TAU).round();
         let quarter = (self - turns.scaled(TAU_HIGH) - turns.scaled(TAU - TAU_HIGH)).scaled(0.25);
         let square = quarter * quarter;
@@ -118,8 +118,8 @@ impl<S: Simd> Wide<S> {
         (sine, cosine)
     }
 
-    /// Angle of a unit vector with these components, in -pi..pi. Its error is 1e-14 / cos(angle / 2), which grows
-    /// near half a turn.
+    /// Returns the angle of a unit vector with these components, in -pi..pi. Its error is 1e-14 / cos(angle / 2), which
+    /// grows near half a turn.
     #[inline(always)]
     pub fn angle_of(sine: Self, cosine: Self) -> Self {
         // Tangents of the half angle and three more halvings leave an argument below 0.2.
@@ -201,21 +201,21 @@ impl<S: Simd> Neg for Wide<S> {
 pub struct Wide3<S: Simd>(pub [Wide<S>; 3]);
 
 impl<S: Simd> Wide3<S> {
-    /// Scalar product.
+    /// Returns the scalar product.
     #[inline(always)]
     pub fn dot(self, other: Self) -> Wide<S> {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a.times_plus(x, b.times_plus(y, c * z))
     }
 
-    /// Vector product.
+    /// Returns the vector product.
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         Self([b * z - c * y, c * x - a * z, a * y - b * x])
     }
 
-    /// self * factor + term.
+    /// Returns self * factor + term.
     #[inline(always)]
     pub fn times_plus(self, factor: Wide<S>, term: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, term.0);
@@ -263,7 +263,7 @@ pub fn padded(count: usize) -> usize {
 }
 
 impl Vectors {
-    /// Zero vectors.
+    /// Returns `count` zero vectors.
     pub fn new(count: usize) -> Self {
         Self(std::array::from_fn(|_| vec![0.0; padded(count)]))
     }
@@ -281,7 +281,7 @@ impl Vectors {
         }
     }
 
-    /// A vector.
+    /// Returns a vector.
     #[inline(always)]
     pub fn at(&self, i: usize) -> V3 {
         V3::new(self.0[0][i], self.0[1][i], self.0[2][i])
@@ -311,14 +311,14 @@ impl Vectors {
         }
     }
 
-    /// Neighbours.
+    /// Reads neighbouring vectors.
     #[inline(always)]
     pub fn load<S: Simd>(&self, simd: S, at: usize) -> Wide3<S> {
         let [x, y, z] = &self.0;
         Wide3([Wide::load(simd, x, at), Wide::load(simd, y, at), Wide::load(simd, z, at)])
     }
 
-    /// Writes to neighbours.
+    /// Writes to neighbouring vectors.
     #[inline(always)]
     pub fn store<S: Simd>(&mut self, value: Wide3<S>, at: usize) {
         for (axis, wide) in value.0.into_iter().enumerate() {

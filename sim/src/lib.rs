@@ -10,21 +10,22 @@
 //! the robot's axis. Positive speed is counter-clockwise seen from above; a right-handed helix then
 //! pushes towards its clamp.
 //!
-//! Not modelled: inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), and the flow that a rod makes
-//! by its spin. A line of regularised Stokeslets has the drag of a round rod whose radius is exp(-1/2) times the
-//! regularisation: the radius of the rod for the robot `physical`, 0.62 times that radius for `published`, whose rods
-//! also spin without drag. Against the resolved surface of a rigid published flagellum the torque is 4 % low with
-//! `physical`, 35 % with `published` (`published_helix_with_its_surface_resolved` in `sim/tests/helices.rs`).
-//! `sim/docs/accuracy.md` lists the sources of error and their sizes.
+//! Not modelled: the inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), and the flow that a rod's
+//! spin causes. A line of regularised Stokeslets has the drag of a round rod whose radius is exp(-1/2) times the
+//! regularisation. For the robot `physical` this is the rod's radius; for `published` it is 0.62 times the rod's
+//! radius, and the rods also spin without drag. Against the resolved surface of a rigid published flagellum the torque
+//! is 4 % low with `physical`, 35 % with `published` (`published_helix_with_its_surface_resolved` in
+//! `sim/tests/helices.rs`). `sim/docs/accuracy.md` lists the sources of error and their sizes.
 //!
-//! `sim/docs/proof.md` lists how each part is verified, `sim/docs/valleys.md` where the valleys of the published
-//! map lie and why, and what the starting phase ([`steady::phase`]) changes, `sim/docs/cost.md` the cost per edge and per case,
-//! `sim/docs/steady.md` how steady states are solved for ([`steady`]). `sim/lab` has the programs that make their tables.
+//! `sim/docs/proof.md` lists the verification of each part, `sim/docs/cost.md` the cost per edge and per case.
+//! `sim/docs/valleys.md` explains the valleys of the published map and the effect of the starting phase
+//! ([`steady::phase`]), `sim/docs/steady.md` the solution for steady states ([`steady`]). `sim/lab` has the programs
+//! that make their tables.
 //!
-//! No files, no printing, no threads, nothing global: trials are independent and may run side by side. Those of one robot are
-//! faster if they share [`step::InversesAtRest`].
+//! No files, no printing, no threads, nothing global: trials are independent and may run side by side. Trials of one
+//! robot are faster if they share [`step::InversesAtRest`].
 #![forbid(unsafe_code)]
-// Formulas run over the same index of several short arrays; iterators would hide which.
+// Formulas use one index into several short arrays; iterators would hide it.
 #![allow(clippy::needless_range_loop)]
 
 pub mod accuracy;

@@ -2,14 +2,15 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Returns the solution of a system whose rows are its coefficients and then the right side; `None` when it is singular.
+/// Returns the solution of a linear system, or `None` if it is singular. Each row has the coefficients, then the right
+/// side.
 pub fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let mut out = vec![0.0; rows.len()];
     eliminate(&mut rows, &mut out);
     out.iter().all(|v| v.is_finite()).then_some(out)
 }
 
-/// Solves a system in place into `out`, which is not finite where it is singular.
+/// Solves a system in place and writes the solution to `out`, which is not finite if the system is singular.
 pub fn eliminate<R: AsRef<[f64]> + AsMut<[f64]>>(rows: &mut [R], out: &mut [f64]) {
     let size = rows.len();
     let at = |rows: &[R], r: usize, c: usize| rows[r].as_ref()[c];

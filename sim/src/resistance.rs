@@ -1,13 +1,13 @@
 //! The grand resistance matrix of the rigid robot at rest.
 //!
 //! Parts are the base and each flagellum. Each moves as a rigid body of its own; the matrix gives the force and the torque
-//! that each part exerts on the fluid for the velocity and angular velocity of each. The flagella are regularised Stokeslet
-//! segments ([`crate::fluid::mobility`]) with the couple of a round rod on its spin about its own centre line, and a head that
-//! is a body in the flow is a surface of point forces ([`crate::fluid::head`]), all of them solved together and densely. A
-//! tank adds its images ([`crate::fluid::tank`]); the robot is upright in it, at yaw 0.
+//! that each part exerts on the fluid for the velocity and angular velocity of each. The flagella are regularised
+//! Stokeslet segments ([`crate::fluid::mobility`]) with a round rod's couple on the spin about its own centre line. A
+//! head that is a body in the flow is a surface of point forces ([`crate::fluid::head`]). One dense system couples all
+//! of them. A tank adds its images ([`crate::fluid::tank`]); the robot is upright in it, at yaw 0.
 //!
-//! SI, body axes. Rows and columns are six a part, in the order of the parts: velocity (force) and then angular velocity
-//! (torque), of the base about the joint, and of a flagellum about the foot of its shaft.
+//! SI, body axes. Each part has six rows and columns, in the order of the parts: velocity (force) and then angular
+//! velocity (torque), about the joint for the base, and about the foot of its shaft for a flagellum.
 //!
 //! The exact matrix is symmetric (reciprocal theorem). The matrix of collocated segments is symmetric only up to the
 //! discretisation error, which [`Resistance::reciprocity_error`] gives; the returned matrix is its symmetric part.
@@ -28,9 +28,9 @@ use nalgebra::{DMatrix, Matrix3, UnitQuaternion};
 pub struct Resistance {
     /// Force and torque on the fluid (N, N m) for velocity and angular velocity (m/s, rad/s), symmetric.
     pub matrix: DMatrix<f64>,
-    /// The matrix before symmetrisation, as the steps of a trial with rigid flagella have it.
+    /// The matrix before symmetrisation, as in the steps of a trial with rigid flagella.
     pub collocated: DMatrix<f64>,
-    /// The largest difference of two entries that the reciprocal theorem makes equal, before they were made so, over the
+    /// The largest difference, before symmetrisation, of two entries that are equal by the reciprocal theorem, over the
     /// geometric mean of the diagonal entries of their row and column.
     pub reciprocity_error: f64,
 }
@@ -57,7 +57,7 @@ pub(crate) struct Flagellum {
     pub nodes: Vec<V3>,
 }
 
-/// Returns the flagella at rest of motors at these angles, rad.
+/// Returns the flagella at rest with the motors at these angles, rad.
 pub(crate) fn flagella(robot: &Robot, angles: &[f64]) -> Vec<Flagellum> {
     let (feet, edges) = (robot.shaft_feet(), robot.flagellum.edges());
     (feet.iter().zip(angles).enumerate())
@@ -83,7 +83,7 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
     let points = head.as_ref().map_or(&[][..], |head| &head.points);
     let size = 6 * (1 + flagella.len());
 
-    // Velocities of all nodes and points for each motion of a part, and the weights that make loads of their forces.
+    // Velocities of all nodes and points for each motion of a part, and the weights that sum their forces to loads.
     let count = flagella.iter().map(|f| f.nodes.len()).sum::<usize>() + points.len();
     let mut velocities = DMatrix::zeros(3 * count, size);
     let mut loads = DMatrix::zeros(size, 3 * count);

@@ -2,17 +2,17 @@
 //!
 //! The motion is overdamped: the fluid's drag R q' balances the forces K q that bring the robot back, so it is a sum of
 //! exponentials whose time constants are the eigenvalues of K⁻¹ R. The coordinates q are the rotation of the base about its
-//! joint and the bending of the flagella. The tether brings back the yaw, the righting moment the tilt. Soft flagella lag
-//! behind the base, which makes the return slower: to the tether's compliance is added theirs.
+//! joint and the bending of the flagella. The tether brings back the yaw, the righting moment the tilt. Soft flagella
+//! lag behind the base, which makes the return slower: their compliance adds to the tether's.
 //!
 //! A flagellum bends as a cantilever with the flexural rigidity B of its helix. A bending moment about a horizontal axis
 //! bends and twists the rod, which climbs at the angle a: over a turn of the helix,
 //! 1/B = ((1 + sin² a)/(2 E I) + cos² a/(2 G J))/sin a per length along the axis (Wahl, Mechanical Springs, 1963, chapter
-//! 20). Its net weight straightens it. The deflections are polynomials along the axis (Ritz's method), and the drag is that of
-//! all nodes together, as in [`crate::resistance`].
+//! 20). Its net weight straightens it. The deflections are polynomials along the axis (Ritz's method). The drag is
+//! computed for all nodes together, as in [`crate::resistance`].
 //!
-//! By symmetry, flagella bend against each other as the robot yaws, and together as it tilts; the phases of the helices, which
-//! break the symmetry, are left out. Inertia is too: it fades in milliseconds. SI, body axes.
+//! By symmetry, flagella bend against each other as the robot yaws, and together as it tilts. The phases of the helices
+//! break this symmetry and are left out. Inertia is left out, too: its effect fades in milliseconds. SI, body axes.
 
 use crate::V3;
 use crate::body::joint::flagellum_righting;
@@ -22,7 +22,7 @@ use crate::params::{ParamError, Robot};
 use crate::resistance::{Flagellum, flagella, forces, singular};
 use nalgebra::{DMatrix, DVector};
 
-/// Powers of the polynomials that describe a deflection: zero and without slope at the clamp.
+/// Powers of a deflection's polynomials: at the clamp, both value and slope are zero.
 const POWERS: [i32; 3] = [2, 3, 4];
 
 /// Iterations for the largest eigenvalue, and the relative change at which they end.
@@ -58,7 +58,7 @@ impl TimeConstants {
         Ok(Self { yaw_s: of(&yaw)?, tilt_s: of(&tilt)? })
     }
 
-    /// Returns the largest of all.
+    /// Returns the larger of both.
     pub fn slowest_s(&self) -> f64 {
         self.yaw_s.max(self.tilt_s)
     }
@@ -69,8 +69,8 @@ impl TimeConstants {
 enum Motion {
     /// The rotation of the whole robot about a body axis through the joint, rad.
     Turn { axis: usize },
-    /// The deflection of the tips of both flagella along a body axis, m; the second one has this sign. `power`: of the
-    /// polynomial.
+    /// The deflection of both flagella's tips along a body axis, m, with this sign for the second one. `power`: power
+    /// of the polynomial.
     Bend { axis: usize, sign: f64, power: i32 },
 }
 
@@ -100,7 +100,7 @@ fn drag(
     motions: &[Motion],
 ) -> Option<DMatrix<f64>> {
     let points = head.map_or(&[][..], |head| &head.points);
-    // Each place with its velocity for every motion and the length that makes a force of its density.
+    // For each point: its velocity for every motion, and the length that turns its force density into a force.
     let mut velocities: Vec<Vec<V3>> = Vec::new();
     let mut lengths = Vec::new();
     for (k, flagellum) in flagella.iter().enumerate() {
@@ -182,7 +182,7 @@ fn flexural_rigidity(robot: &Robot) -> f64 {
 
 /// Returns the largest eigenvalue of a matrix by power iteration.
 fn largest_eigenvalue(matrix: &DMatrix<f64>) -> f64 {
-    // The base turns in every motion of the first coordinate.
+    // The first coordinate is the base's rotation, which is part of the slowest motion.
     let mut vector = DVector::from_fn(matrix.nrows(), |i, _| if i == 0 { 1.0 } else { 1e-3 });
     let mut value = 0.0;
     for _ in 0..ITERATIONS {

@@ -183,7 +183,8 @@ where
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {
-        // The causes that can last: the motors are off, the host is heard, the program runs.
+        // The causes that can last; the others are over, because the motors are off, the host is heard and the program
+        // runs.
         let lasts = match self.latch.get() {
             Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => {
                 self.imu.fault() != Fault::None
@@ -225,13 +226,13 @@ where
         }
     }
 
-    /// Refuses what needs the motors off, no calibration and no fault.
+    /// Refuses unless the motors are off and there is neither a calibration nor a fault.
     #[inline(never)]
     fn refuse_unless_ready(&self) -> Result<(), Refusal> {
         if self.latch.is_set() { Err(Refusal::Faulted) } else { self.refuse_if_busy() }
     }
 
-    /// Refuses what needs the motors off and no calibration.
+    /// Refuses unless the motors are off and there is no calibration.
     #[inline(never)]
     fn refuse_if_busy(&self) -> Result<(), Refusal> {
         self.refuse_if_running()?;

@@ -13,7 +13,7 @@ use super::CPU_HZ;
 const DIV_8: u8 = 0b010;
 const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
 
-/// Registers for interrupts that are written by hand, in the memory (section 31).
+/// Registers for the hand-written interrupts, in the memory (section 31).
 pub const TIMSK1: u8 = 0x6F;
 pub const TCNT1L: u8 = 0x84;
 pub const OCR1BL: u8 = 0x8A;
@@ -21,13 +21,13 @@ pub const OCR1BL: u8 = 0x8A;
 pub const TIFR1: u8 = 0x16;
 /// The flag of the alarm in TIFR1, which the clock also raises when the alarm is off.
 pub const ALARM_FLAG: u8 = 1 << 2;
-/// TIMSK1 with the interrupts of overflow and tick, and with that of the alarm too.
+/// TIMSK1 with the interrupts of overflow and tick, without and with that of the alarm.
 pub const WITHOUT_ALARM: u8 = 0b011;
 pub const WITH_ALARM: u8 = 0b111;
 
 /// The time at which the counter was last zero, µs.
 static BASE: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
-/// The counter wraps after so many µs.
+/// The counter wraps after this many µs.
 const WRAP_US: u32 = 0x8000;
 /// Ticks that are due and not yet taken.
 static DUE: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
@@ -83,7 +83,7 @@ pub fn counter() -> u16 {
     unsafe { &*TC1::ptr() }.tcnt1.read().bits()
 }
 
-/// Turns the interrupt `TIMER1_COMPB` on for when the counter is at `counter`, which is some µs ahead. Interrupts are off.
+/// Turns on the interrupt `TIMER1_COMPB` at the count `counter`, which is some µs ahead. Interrupts are off.
 #[inline(always)]
 pub fn alarm(counter: u16) {
     // SAFETY: interrupts are off; any value is valid in these registers.

@@ -1,10 +1,10 @@
 //! The reaction to a hang: motors off, a record that survives, and a restart.
 //!
-//! The watchdog interrupts at its first time-out, which stops the motors, records where the program hung, and restarts it by
-//! a jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs: the
-//! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
-//! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
-//! help, because the flag that keeps the watchdog on survives it.
+//! At the watchdog's first time-out, an interrupt stops the motors, records where the program hung, and restarts it by
+//! a jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs:
+//! the motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of
+//! some Nanos does not turn it off: it is reset again and again, with the motors off, until the board has no power. The
+//! button does not help, because the flag that keeps the watchdog on survives it.
 //!
 //! A reset while a motor was on, whatever its cause, is logged as a hang without an address. So is one while the fault that turned
 //! the motors off is being logged.
@@ -37,11 +37,11 @@ static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 #[unsafe(link_section = ".noinit")]
 static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();
 
-/// The memory has it by chance once in 65536 times that power comes on.
+/// The memory has this value by chance at one in 65536 power-ups.
 const DRIVEN: u16 = 0xB1F1;
 
-/// Keeps over a reset whether a motor is on. That one was on stays while a fault is being logged: the next reset, as of a plug that
-/// bounces, may come before the record is complete.
+/// Keeps over a reset whether a motor is on. While a fault is being logged, the record of a driven motor stays: the
+/// next reset, for example from a bouncing plug, may come before the fault's record is complete.
 pub fn keep(is_driven: bool, is_logging: bool) {
     if is_driven || !is_logging {
         // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.
@@ -49,7 +49,8 @@ pub fn keep(is_driven: bool, is_logging: bool) {
     }
 }
 
-/// Returns whether a reset came while a motor was on. Whatever its cause: most bootloaders clear the reset flags.
+/// Returns whether a reset of any cause came while a motor was on. The cause is not used, because most bootloaders
+/// clear the reset flags.
 pub fn was_driven() -> bool {
     // SAFETY: as in `keep`; the memory has some content, and any is a valid integer.
     unsafe { (&raw const MOTORS).cast::<u16>().read_volatile() == DRIVEN }
@@ -120,7 +121,7 @@ extern "C" fn hang(program_counter: u16) -> ! {
 }
 
 unsafe extern "C" {
-    /// Is nowhere: an image in which something can panic does not link.
+    /// Does not exist: an image in which something can panic does not link.
     safe fn this_image_can_panic() -> !;
 }
 

@@ -1,13 +1,13 @@
 //! The encoders: both edges of channel 1 interrupt, channel 2 gives the direction.
 //!
-//! Motor and encoder usually share a cable, where each edge of the PWM is a spike on the encoder's lines. So an interrupt just
-//! after such an edge only notes that channel 1 has changed. If it changes back, that was a spike. If not, the edge is taken by its
-//! time when the lines are at rest, with the direction that channel 2 then gives: channel 2 changes half-way between edges of
-//! channel 1. Nothing waits meanwhile. That interrupt is written by hand: it takes some 70 cycles, where the compiler's, which takes
-//! the edge, takes 300.
+//! Motor and encoder usually share a cable, in which each edge of the PWM causes a spike on the encoder's lines. So an
+//! interrupt just after such an edge only notes that channel 1 has changed. If it changes back, that was a spike. If
+//! not, the edge is taken once the lines are at rest, with the time of the change and the direction that channel 2 then
+//! gives: channel 2 changes half-way between edges of channel 1. Nothing waits meanwhile. That interrupt is written by
+//! hand and takes some 70 cycles; the compiler's, which takes the edge, takes 300.
 //!
-//! The chip holds three bytes from the host, which come in 960 cycles: less than the work on the edges of two encoders takes. So
-//! that work lets all other interrupts in.
+//! The chip holds three bytes from the host, which come in 960 cycles. The work on the edges of two encoders takes
+//! longer, so it lets all other interrupts in.
 
 use core::arch::asm;
 use core::mem::take as replace;
@@ -37,17 +37,18 @@ const BITS: [Bits; 2] = [
     Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 },
 ];
 
-/// From an edge of the PWM until the lines are at rest, in counts of the clock: eight for each of the PWM's, and one of those more.
+/// Time from an edge of the PWM until the lines are at rest, in counts of the clock: eight for each count of the PWM,
+/// and one count of the PWM more.
 const REST: u16 = 8 * (PWM_SPIKE as u16 + 1);
 
-/// An encoder. The interrupt that is written by hand uses the first five fields.
+/// An encoder. The hand-written interrupt uses the first five fields.
 #[repr(C)]
 struct Encoder {
     /// Channel 1 after the last edge, as its bit of the port.
     level: u8,
     /// 1 if channel 1 has changed since, by a spike or by an edge.
     has_changed: u8,
-    /// The clock's counter then.
+    /// The clock's counter at that change.
     changed: u16,
     /// Number of spikes in step with the PWM.
     spikes: u8,
@@ -66,7 +67,7 @@ impl Encoder {
 /// Only with interrupts off.
 static mut ENCODERS: [Encoder; 2] = [Encoder::new(BITS[0]), Encoder::new(BITS[1])];
 
-/// Turns the pull-ups on. With them, a disconnected encoder reads as still, which is found as a stall.
+/// Turns the pull-ups on. With them, a disconnected encoder reads as still, so it is found as a stall.
 pub fn pull_up(port: &PORTD) {
     const CHANNELS: u8 = BITS[0].channel_1 | BITS[0].channel_2 | BITS[1].channel_1 | BITS[1].channel_2;
     // SAFETY: any value is valid in this register.
@@ -98,7 +99,7 @@ pub fn disable(interrupts: &EXINT) {
 /// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
 pub fn take() -> [Edges; 2] {
     let edges = [take_of(0), take_of(1)];
-    // One that turns itself off between the two registers will do so again.
+    // An interrupt that turns itself off between the two registers will do so again.
     count_with(INT0_INT1);
     edges
 }
@@ -131,7 +132,7 @@ fn alone<R>(work: impl FnOnce() -> R) -> R {
     }
 }
 
-/// GPIOR1: the interrupts of the encoders that are on, except while [`alone`] works.
+/// Returns GPIOR1: the interrupts of the encoders that are on, except while [`alone`] works.
 #[inline(always)]
 fn counting() -> &'static cpu::GPIOR1 {
     // SAFETY: only used with interrupts off, or with those of the encoders.
@@ -147,17 +148,17 @@ fn count_with(interrupts: u8) {
     }
 }
 
-/// Takes a change of channel 1, at whose interrupt this was the clock's counter, and the PWM did not disturb.
+/// Takes a change of channel 1 that the PWM did not disturb. `counter`: the clock's counter at its interrupt.
 #[inline(never)]
 fn edge(encoder: &mut Encoder, counter: u16) {
     let interrupt = encoder.bits.interrupt;
     let mut port = encoder.port;
     if flags().read().bits() & interrupt != 0 {
         port = levels_now(interrupt);
-        // Another edge has come since the interrupt, so that one of the two is that of a spike.
+        // Another edge has come since the interrupt, so one of the two belongs to a spike.
         encoder.filter.reject(1);
         if pwm_disturbs() {
-            // It has since the interrupt, so that the levels of now may be its doing.
+            // The PWM has disturbed the lines since the interrupt, so it may have caused the present levels.
             if encoder.has_changed == 0 {
                 encoder.has_changed = 1;
                 encoder.changed = counter;
@@ -169,7 +170,8 @@ fn edge(encoder: &mut Encoder, counter: u16) {
     settle(encoder, port, counter);
 }
 
-/// Takes the level of channel 1 when the PWM does not disturb it: it has changed before, or, if not, when the counter was `counter`.
+/// Takes the level of channel 1 when the PWM does not disturb it. Its change was noted before, or else came when the
+/// counter was `counter`.
 #[inline(never)]
 fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
     let Bits { channel_1, channel_2, interrupt } = encoder.bits;
@@ -183,14 +185,14 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
     encoder.level = port & channel_1;
     alone(|| {
         let is_noisy = encoder.filter.feed(encoder.level != 0, port & channel_2 != 0, counter, || {
-            // More than 100 cycles after `port`, when a spike is over that is not in step with the PWM.
+            // More than 100 cycles after `port`, when a spike that is not in step with the PWM is over.
             let settled = loop {
                 let later = levels();
                 if !pwm_disturbs() {
                     break later;
                 }
-                // This encoder's next edge is that of a spike by the PWM, or the end of another one, which a later time would make
-                // one by motion.
+                // This encoder's next edge is from a spike by the PWM, or the end of another spike, which would pass
+                // for motion at a later time.
                 if flags().read().bits() & interrupt != 0 {
                     break port;
                 }
@@ -203,7 +205,7 @@ fn settle(encoder: &mut Encoder, port: u8, mut counter: u16) {
     });
 }
 
-/// Takes the changes of channel 1 that no spike has ended, or looks again if the PWM disturbs the lines again.
+/// Takes the changes of channel 1 that were not spikes, or waits on if the PWM disturbs the lines again.
 fn look_again(cs: CriticalSection) {
     let port = levels();
     if pwm_disturbs() {

@@ -1,8 +1,8 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 //!
 //! At a full line a byte comes and another goes every 320 cycles, 300 of them in a tick's work. So the queues are our own:
-//! their indices are bytes, which need no critical sections. And their interrupts are written by hand, because the compiler
-//! saves registers that they do not need: they take 57 and 48 cycles, where the compiler's took 89 and 64.
+//! their indices are bytes, which need no critical sections. Their interrupts are written by hand, because the compiler
+//! saves registers that they do not need: they take 57 and 48 cycles; the compiler's took 89 and 64.
 
 use core::arch::global_asm;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -22,9 +22,9 @@ const INBOX: u8 = 64;
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
 const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is not exact");
 
-/// The interrupts' registers, in the memory (section 31); SREG is also in the space of input and output, where it is 0x20 less.
+/// The interrupts' registers: those below 0x40 in the space of input and output, the others in the memory (section 31).
 pub const SREG: u8 = 0x3F;
-/// GPIOR2: room for a register of the interrupts that are written by hand, of which none interrupts another.
+/// GPIOR2: room for a register in the hand-written interrupts, none of which interrupts another.
 pub const SCRATCH: u8 = 0x2B;
 const UDR0: u8 = 0xC6;
 const UCSR0B: u8 = 0xC1;
@@ -35,8 +35,8 @@ static mut RECEIVED: [u8; INBOX as usize] = [0; INBOX as usize];
 static mut HEAD: u8 = 0;
 /// Where the next byte for main is; only main writes it.
 static mut TAIL: u8 = 0;
-/// Free places that a byte other than a delimiter leaves: one, or all, because a byte of its frame found no room; only the
-/// interrupt uses it.
+/// Free places that a byte other than a delimiter must leave: one, or all after a byte of its frame found no room; only
+/// the interrupt uses it.
 static mut RESERVE: u8 = 1;
 /// The clock's counter at the end of the last frame; the interrupt writes it.
 static mut FRAME_END: u16 = 0;
@@ -117,7 +117,7 @@ pub fn disable(usart: &USART0) {
     usart.ucsr0b.reset();
 }
 
-/// Sends what is in the outbox.
+/// Sends the content of the outbox.
 pub fn send() {
     // The interrupt turns itself off when the queue is empty; if that happens between read and write, it finds the queue
     // empty again.
@@ -131,10 +131,10 @@ pub fn frame_end() -> Micros {
     interrupt::free(|cs| clock::time_of(cs, unsafe { (&raw const FRAME_END).read_volatile() }))
 }
 
-// The interrupt of a received byte. The frame whose byte finds too little room is dropped to its end, which leaves the frames
-// before and after it whole. What of it is in the inbox is damaged on purpose, which its CRC reveals: it may be an order that
-// lacks only its delimiter, and what is dropped the frame after it. The last place is for its delimiter: otherwise that of the
-// next frame would complete an order whose time has passed.
+// The interrupt of a received byte. If a byte finds too little room, its frame is dropped to the end; the frames before
+// and after it stay whole. The part of it in the inbox is damaged on purpose, which its CRC reveals: it may be a
+// command that lacks only its delimiter, and the dropped bytes the frame after it. The last place is for its delimiter:
+// otherwise the delimiter of the next frame would complete a command whose time has passed.
 global_asm!(
     ".global __vector_18",
     "__vector_18:",
@@ -151,7 +151,7 @@ global_asm!(
     "push r31",
     "mov r31, r24",
     "lds r30, {head}",
-    // The free places, of which one stays empty.
+    // The free places; one always stays empty.
     "lds r24, {tail}",
     "sub r24, r30",
     "dec r24",
@@ -177,7 +177,7 @@ global_asm!(
     "out {sreg}, r24",
     "in r24, {scratch}",
     "reti",
-    // A byte of a frame that is dropped, in a short time: of a flood, most bytes are such.
+    // A byte of a dropped frame. This path is short, because most bytes of a flood take it.
     "6:",
     "tst r25",
     "breq 7b",
@@ -193,8 +193,8 @@ global_asm!(
     "tst r24",
     "brne 1b",
     "rjmp 4b",
-    // Too little room, for the first time in this frame: changes its last byte in the inbox, if it has one, into another that is no
-    // delimiter.
+    // Too little room, for the first time in this frame: changes its last byte in the inbox, if there is one, to
+    // another value that is not a delimiter.
     "3:",
     "ldi r31, 0xFF",
     "sts {reserve}, r31",
@@ -225,7 +225,7 @@ global_asm!(
     frame_end = sym FRAME_END,
 );
 
-// The interrupt of room for a byte to send.
+// The interrupt when there is room for a byte to send.
 global_asm!(
     ".global __vector_19",
     "__vector_19:",

@@ -1,8 +1,8 @@
-//! How far down the stack has come: the memory between it and the data is painted before the program starts.
+//! The deepest reach of the stack: the memory between it and the data is painted before the program starts.
 
 use core::arch::{asm, global_asm};
 
-/// No likely content of memory.
+/// An unlikely content of memory.
 const PAINT: u8 = 0xC5;
 
 // Before main, when nothing is on the stack: paints from the end of the data to that of the memory, 0x8FF.

@@ -6,10 +6,10 @@
 //! section 3.1.16).
 //!
 //! Where lines rise slowly (long wires, weak pull-ups), the hardware itself makes each bit longer: its high time begins when
-//! SCL is high. What it does not wait for is SDA: if that rises later than SCL, a one is seen as a zero, and arbitration
-//! is lost. A lower speed gives it more time. So [`FAILURES`] bus errors in a row that left both lines high halve the
-//! speed until the next start. Where a line stays low, that would not help. Nor is it halved again: at 100 kHz, reading the
-//! sensor makes the longest tick as long as the time between two.
+//! SCL is high. It does not wait for SDA: if SDA rises later than SCL, a one is seen as a zero, and arbitration is
+//! lost. A lower speed gives SDA more time. So [`FAILURES`] bus errors in a row that left both lines high halve the
+//! speed until the next start. This would not help if a line stays low. The speed is not halved again: at 100 kHz,
+//! reading the sensor makes the longest tick as long as the time between two ticks.
 
 use avr_device::atmega328p::{PORTC, TC0, TWI};
 use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
@@ -53,7 +53,7 @@ mod status {
     pub const READ_NACK: u8 = 0x58;
 }
 
-/// What went wrong on the bus.
+/// An error on the bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Error {
     /// No device answered.
@@ -104,7 +104,7 @@ impl Twi {
     fn wait_while(&mut self, mask: u8, value: u8) -> Result<(), Error> {
         let start = time();
         loop {
-            // The time is read first: an interrupt between the two is no delay of the bus.
+            // The time is read first, so that an interrupt between the two reads is not taken for a delay of the bus.
             let passed = time().wrapping_sub(start);
             if self.registers.twcr.read().bits() & mask != value {
                 return Ok(());
@@ -169,7 +169,7 @@ impl Twi {
         Ok(())
     }
 
-    /// Reads bytes. Each of them comes while the one before is kept.
+    /// Reads bytes. Each of them arrives while the one before is stored.
     fn read(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         let mut left = bytes.len() as u8;
         // The last one is not acknowledged, which ends the transfer.
@@ -228,7 +228,7 @@ impl Twi {
         }
     }
 
-    /// Of the lines in `mask`, pulls those in `low` and releases the others; then waits half a period.
+    /// Pulls the lines in `low` and releases the other lines of `mask`; then waits half a period.
     fn pull(&mut self, mask: u8, low: u8) {
         // SAFETY: any value is valid; interrupts do not use this port.
         self.lines.ddrc.modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });

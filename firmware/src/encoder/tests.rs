@@ -50,7 +50,7 @@ impl Shaft {
         }
     }
 
-    /// Edges between the start and here.
+    /// Returns the edges between the start and here.
     fn truth(&self) -> i16 {
         let low = self.position.div_euclid(2.0) * 2.0;
         (low + f64::from(u8::from(self.is_high(self.position)))) as i16
@@ -109,7 +109,7 @@ fn constant_speeds_are_measured_to_a_thousandth() {
 
 #[test]
 fn a_changing_speed_is_followed_within_two_edges() {
-    // Where it turns round, at 180 rpm/s, the next edge takes 33 ms, in which the speed changes by 6 rpm.
+    // Where it reverses, at 180 rpm/s, the next edge takes 33 ms, in which the speed changes by 6 rpm.
     turn(
         400,
         |t| 60.0 * (t * 3.0).sin(),
@@ -175,7 +175,7 @@ fn the_second_edge_after_a_rest_tells_the_speed() {
     }
 }
 
-/// `within`: the largest error over one pole, as a share of the speed.
+/// Checks the speed after the second edge. `within`: the largest error over one pole, as a share of the speed.
 fn second_edge_tells_the_speed(uneven: f64, rpm: f64, (ticks, rest): (u32, Range<f64>), within: f64) {
     let mut edges = 0.0;
     turn_uneven(
@@ -208,7 +208,7 @@ fn an_edge_back_and_forth_is_no_motion() {
     }
 }
 
-/// What a spike of 3 µs makes of an edge to high at 10,000 µs and one to low at 12,000 µs.
+/// Returns the edges found of one to high at 10,000 µs and one to low at 12,000 µs, with a spike of 3 µs.
 fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
     let mut filter = Filter::new();
     let mut line = false;
@@ -216,7 +216,7 @@ fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
         let level = (10_000..12_000).contains(&us);
         let spike = (start..start + 3).contains(&us);
         if spike && !seen {
-            // The interrupt comes so late that it finds the level of before.
+            // The interrupt comes so late that it finds the earlier level.
             feed(&mut filter, level, us >= 11_000, offset.wrapping_add(us));
         } else if (level != spike) != line {
             line = level != spike;
@@ -284,7 +284,7 @@ fn the_position_is_right_at_full_speed_among_300_spikes_a_second() {
     }
 }
 
-/// An encoder after 20 edges of 2.5 ms, 39.85 rpm, and its update at a time in µs.
+/// Returns an encoder after 20 edges of 2.5 ms, 39.85 rpm, and its update at a time in µs.
 fn turning() -> (Filter, impl FnMut(&mut Filter, u32) -> Motion) {
     let (mut encoder, mut filter) = (Encoder::default(), Filter::new());
     let mut update = move |filter: &mut Filter, now| {

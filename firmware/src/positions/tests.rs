@@ -18,7 +18,7 @@ impl Board {
         Self { memory: memory.clone(), positions, told, at_rest: true }
     }
 
-    /// A board that was aligned, with its record.
+    /// Returns a board that was aligned, with its record.
     fn aligned() -> Self {
         let mut board = Self::start(&Memory::blank());
         board.positions.align();
@@ -97,7 +97,7 @@ fn a_lost_position_stays_lost_until_the_shafts_are_aligned_again() {
     assert_eq!(opened(&board.memory), Some([EncoderCounts(0); 2]));
 }
 
-/// Power goes at any moment of turns and rests, also within the write of a byte; shafts that turn then turn on.
+/// Power fails at any moment of turns and rests, also within the write of a byte; turning shafts then keep turning.
 #[test]
 fn a_loss_of_power_at_any_moment_leaves_right_positions_or_none() {
     let mut random = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
@@ -151,7 +151,7 @@ fn records_wear_the_memory_evenly_and_leave_the_rest_of_it_alone() {
     assert_eq!(slots.iter().max(), Some(&(2 * TURNS / u32::from(SLOTS) + 1)));
 }
 
-/// As on a bench where the power goes in every trial: each start has new marks, and a record until its first turn.
+/// As on a bench where the power fails in every trial: each start has new marks, and a record until its first turn.
 #[test]
 fn starts_without_known_positions_wear_the_memory_evenly_too() {
     let mut memory = Memory::blank();

@@ -116,7 +116,7 @@ const VERSION_1: &str = "05c807341201020303020403020404e014c40103c84001031343010
 const VERSION_2: &str = "05c807341201020303020403020404e014c40103c840010313430103803f010101010103803f0107a040148e16440101\
                          0109f40164644c04b8da00";
 
-/// A memory in which older firmware has saved the settings of a frame of its protocol.
+/// Returns a memory in which older firmware has saved the settings of a frame of its protocol.
 fn with_old(frame: &str, layout: u8) -> Memory {
     let mut accumulator = Accumulator::new();
     let bytes = (0..frame.len()).step_by(2).map(|at| u8::from_str_radix(&frame[at..at + 2], 16).unwrap());
@@ -150,7 +150,7 @@ fn settings_that_older_firmware_saved_are_in_force_until_the_first_save() {
         }
         let memory = with_old(frame, layout);
         save(&memory, &new());
-        // Without the slots nothing is left, and least of all what was in force long ago.
+        // Without the slots no settings are left, least of all those in force long ago.
         memory.bytes.borrow_mut()[320..].fill(0xFF);
         assert_eq!(load(&memory), None);
     }
@@ -173,7 +173,7 @@ fn another_layout_and_values_out_of_range_are_not_loaded() {
     ] {
         assert_eq!(load(&with_frame(&payload)), None, "{payload:?}");
     }
-    // Nor in the newest slot, and the settings before those are not in force again either.
+    // The same holds for the newest slot, and the settings before those do not come into force again either.
     for (layout, settings, expected) in
         [(LAYOUT, old(), Some(old())), (LAYOUT + 1, old(), None), (0, old(), None), (LAYOUT, unfit, None)]
     {
@@ -220,7 +220,7 @@ fn the_note_is_beside_all_else() {
 fn a_broken_byte_fails_the_save_and_leaves_the_settings_before_it() {
     let memory = Memory { stuck: Some(395), ..Memory::blank() };
     assert_eq!(save(&memory, &old()).0, Saving::Done);
-    // A look at what is saved, then two writes for each byte of a slot.
+    // A check of the saved settings, then two writes for each byte of a slot.
     assert_eq!(save(&memory, &new()), (Saving::Failed, 2 * SLOT as u32 + 2));
     assert_eq!(load(&memory), Some(old()));
 }

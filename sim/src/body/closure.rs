@@ -2,10 +2,9 @@
 //!
 //! # The closure `paper`
 //!
-//! The equations as the publication prints them (Hao, Zalavadia, Jawed, RoboSoft 2024), to the letter. With F1, F2 the
-//! forces of the flagella on the base in body axes, from flagella whose base is held still, d the distance of
-//! the shafts, m g r_m the righting moment, theta the pitch, w the angular velocity in body axes and
-//! C = 2 pi mu C_r r_h^3 the base's drag:
+//! The equations as the publication prints them (Hao, Zalavadia, Jawed, RoboSoft 2024), to the letter. F1 and F2 are
+//! the forces of the flagella on a base held still (body axes), d the distance of the shafts, m g r_m the righting
+//! moment, theta the pitch, w the angular velocity in body axes and C = 2 pi mu C_r r_h^3 the base's drag:
 //!
 //! ```text
 //! J dw/dt + w x J w = M
@@ -37,18 +36,18 @@
 //! The printed equations have no steady state, for three reasons.
 //!
 //! - No term resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a revolution is not zero, so the
-//!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
-//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the real tank something else
-//!   resists the yaw, such as the sensor's cable. `full` and `lumped` model it by one stiffness, the only calibrated
-//!   constant.
-//! - No term resists a *roll*. In a base that spins about z_B the tilt changes from pitch to roll and back, and no
-//!   moment acts on the roll. So the axis does not settle either: it tumbles, at three of the four points nearly upside
-//!   down and back. (Where it does, the Euler yaw increases faster than the base rotates about z_B.)
+//!   couple (F1y - F2y) d/2 has a mean as well. The only other term is drag, so w_z approaches that mean over C. The
+//!   time constant J_z/C is a quarter of a second; the base then spins at that rate for ever. In the real tank
+//!   something else resists the yaw, such as the sensor's cable. `full` and `lumped` model it by one stiffness, the
+//!   only calibrated constant.
+//! - No term resists a *roll*. While the base spins about z_B, its tilt changes from pitch to roll and back, and no
+//!   moment acts on the roll. So the axis does not settle either: it tumbles, at three of the four points to nearly
+//!   upside down and back. (At these points the Euler yaw increases faster than the base rotates about z_B.)
 //! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
 //!   are the reaction torques about the helix axes, the largest part of the yaw moment.
 //!
-//! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
-//! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
+//! The two couples also place each flagellum on the opposite side: with flagellum 1 at +d/2 along x_B, the moment of
+//! its thrust about y_B is -F1z d/2. `lumped` has the true sign.
 
 use super::load::Load;
 use crate::V3;
@@ -56,7 +55,7 @@ pub use crate::params::Closure;
 
 /// Returns the moment of the flagella on the base, body axes, N m.
 ///
-/// `distance`: that of the shafts, m.
+/// `distance`: distance of the shafts, m.
 pub fn flagella_moment(closure: Closure, loads: &[Load; 2], distance: f64) -> V3 {
     let difference = (loads[0].force - loads[1].force) * (0.5 * distance);
     match closure {

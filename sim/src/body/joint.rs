@@ -1,7 +1,7 @@
-//! The base on its ball joint: J dw/dt + w x J w = M, and all moments on it but those of the flagella.
+//! The base on its ball joint: J dw/dt + w x J w = M, and all moments on it except those of the flagella.
 //!
-//! Body axes, about the joint. M holds the righting moment r_com x m g, the tether, the joint's friction and the drag of
-//! the base; which of them count depends on the closure.
+//! Body axes, about the joint. M is the sum of the righting moment r_com x m g, the tether, the joint's friction and
+//! the drag of the base; the closure decides which of them count.
 //!
 //! The tether has the energy K tau^2/2. Its twist tau is the rotation about the vertical that remains after the base is
 //! turned upright by the smallest rotation: 2 atan2(q_z, q_w) plus full turns. This is the twist of a cable with the
@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug)]
 pub struct RigidBase {
     inertia: V3,
-    /// Of the head alone.
+    /// Of the base or its head, without the flagella, N m s.
     drag: Matrix3<f64>,
     flagella_resistance: Matrix3<f64>,
     righting: f64,
@@ -51,8 +51,9 @@ fn twist_gradient(up: V3) -> V3 {
 }
 
 impl RigidBase {
-    /// From the parameters. Only the closure `lumped` uses `flagella_resistance`: the rotational resistance of the rigid
-    /// flagella about the joint, N m s. `head`: the head where it is a body in the flow, which replaces the local drag.
+    /// Returns the base of a robot. Only the closure `lumped` uses `flagella_resistance`: the rotational resistance of
+    /// the rigid flagella about the joint, N m s. `head`: a head that is a body in the flow; it replaces the local
+    /// drag.
     pub fn new(
         robot: &Robot,
         closure: Closure,
@@ -127,7 +128,7 @@ impl RigidBase {
     }
 }
 
-/// Returns the righting moment of a rigid flagellum's net weight for a unit sine of the tilt, N m: its mean over a revolution.
+/// Returns the righting moment of a rigid flagellum's net weight per sine of the tilt, N m, averaged over a revolution.
 pub(crate) fn flagellum_righting(robot: &Robot) -> f64 {
     let below = robot.base.height_m + 0.5 * robot.flagellum.axial_length_m;
     robot.net_weight() * robot.flagellum.helix(0).contour_length() * below
@@ -149,7 +150,8 @@ mod tests {
             let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
             let energy = |change: V3| {
                 let attitude = rotated(&attitude, change);
-                // Put upright by the shortest way, about a horizontal axis, what is left is a rotation about the vertical.
+                // After the shortest rotation to upright, about a horizontal axis, a rotation about the vertical
+                // remains.
                 let axis = attitude.transform_vector(&V3::z());
                 let upright = UnitQuaternion::rotation_between(&axis, &V3::z()).expect("not upside down") * attitude;
                 let tau = unwrap(euler_zyx(&upright)[0], yaw);

@@ -1,4 +1,4 @@
-//! The rigid base on its ball joint and what couples it to the flagella.
+//! The rigid base on its ball joint, and its coupling to the flagella.
 //!
 //! World: z up. Body frame B at the ball joint P, x_B from motor 2 to motor 1, z_B up along the
 //! robot's axis. Shaft frame of motor k: origin at the foot of shaft k, parallel to B but turned by

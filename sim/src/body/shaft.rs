@@ -1,4 +1,4 @@
-//! The shafts: how far each motor has turned, and where its shaft frame is in the body frame.
+//! The shafts: the state of each motor, and its shaft frame in the body frame.
 
 use crate::V3;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ pub struct Shaft {
 }
 
 impl Shaft {
-    /// A shaft with its foot at `foot` (body frame, m), turned by `angle` (rad).
+    /// Returns a shaft with its foot at `foot` (body frame, m), turned by `angle` (rad).
     pub fn new(foot: V3, angle: f64) -> Self {
         let (sine, cosine) = angle.sin_cos();
         Self { foot, sine, cosine }

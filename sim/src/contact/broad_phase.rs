@@ -1,7 +1,8 @@
 //! The search for close edges: midpoints first, Verlet lists between searches.
 //!
-//! Body frame, m. Edges of both rods, and of one rod with itself beyond the arc length within which its own helix is
-//! closer than two radii. Whether a rod still has the shape of its list is seen in its shaft frame, where it does not turn.
+//! Body frame, m. It covers edges of different rods, and edges of the same rod beyond the arc length within which its
+//! own helix is closer than 2.5 radii. A rod's list with itself is checked in the shaft frame, where the rod does not
+//! turn.
 
 use super::distance::segment_distance;
 use super::pairs::{Lines, Pair};
@@ -13,7 +14,7 @@ use pulp::{Simd, WithSimd};
 /// Finds pairs of close edges, and the least distance.
 #[derive(Clone, Debug)]
 pub struct BroadPhase {
-    /// Edges of one rod fewer than this apart never count as close, for each rod.
+    /// For each rod, its own edges fewer than this many apart never count as close.
     exclusion: [usize; 2],
     /// Midpoints of the edges of each rod, m, padded.
     middles: [[Vec<f64>; 3]; 2],
@@ -24,14 +25,14 @@ pub struct BroadPhase {
     skin: f64,
     /// One for each of [`ROD_PAIRS`].
     lists: [Option<NeighbourList>; 3],
-    /// Edges of both rods that were the nearest when last asked: they bound the least distance.
+    /// The nearest edges of both rods in the last search: their distance bounds the least distance.
     nearest: [usize; 2],
 }
 
 /// A Verlet list of two rods: as long as they have moved less than the skin, no other edges are close.
 #[derive(Clone, Debug)]
 struct NeighbourList {
-    /// Shapes that it was made at: both rods in the body frame, or one rod in a frame of its own and nothing.
+    /// Shapes for which it was made: both rods in the body frame, or one rod in its own frame and an empty line.
     shapes: [Vec<V3>; 2],
     /// Pairs of edges that were close.
     edges: Vec<[usize; 2]>,
@@ -47,7 +48,7 @@ const OWN_RADII: f64 = 2.5;
 const AWAY: f64 = 1e6;
 
 impl BroadPhase {
-    /// For two rods of radius `radius` (m), in the shapes that they have at rest.
+    /// Returns the search for two rods of radius `radius` (m) with these shapes at rest.
     pub fn new(rods: &[Rod; 2], radius: f64) -> Self {
         let exclusion = [0, 1].map(|k| {
             let shape = &rods[k].shape;
@@ -123,7 +124,8 @@ impl BroadPhase {
         V3::new(x[edge], y[edge], z[edge])
     }
 
-    /// Lists the edges of two rods that are closer than `reach` (m). `shapes`: what [`NeighbourList::holds`] compares.
+    /// Lists the edges of two rods that are closer than `reach` (m). `shapes`: the nodes that [`NeighbourList::holds`]
+    /// compares.
     fn list(&self, shapes: [&[V3]; 2], [a, b]: [usize; 2], reach: f64) -> NeighbourList {
         let mut edges = Vec::new();
         let exclusion = (a == b).then_some(self.exclusion[a]);
@@ -143,7 +145,7 @@ impl BroadPhase {
         };
         let mut candidates: Vec<[usize; 2]> = Vec::new();
         let (first, second) = (&self.middles[0], &self.middles[1]);
-        // Somewhat more, so that rounding does not lose the nearest pair.
+        // Slightly more, so that rounding does not lose the nearest pair.
         let reach = (apart(self.nearest) + self.longest) * (1.0 + 1e-12);
         let found = |i, j| candidates.push([i, j]);
         pulp::Arch::new().dispatch(Close { first, second, exclusion: None, reach, found });
@@ -155,14 +157,14 @@ impl BroadPhase {
             }
         }
         if self.lists[0].as_ref().is_none_or(|list| list.edges.is_empty()) {
-            // Nothing is close: the next search may need no look at the midpoints.
+            // Nothing is close: the next search may not need the midpoints.
             self.lists[0] = Some(NeighbourList { shapes: lines.clone(), edges: Vec::new(), cutoff: least });
         }
         least
     }
 }
 
-/// Returns the nodes by which a list of two rods is judged: of one rod with itself those in its own frame.
+/// Returns the nodes for checking a list of two rods: nodes in its own frame for one rod with itself.
 fn shapes<'a>(lines: &'a Lines, own: [&'a [V3]; 2], [a, b]: [usize; 2]) -> [&'a [V3]; 2] {
     if a == b { [own[a], &[]] } else { [&lines[a], &lines[b]] }
 }

@@ -44,8 +44,8 @@ fn axis(line: &[V3], edges: usize) -> Vec<V3> {
 
 /// Returns how many times the helix axes of the two lines wind round each other, right-handed positive.
 ///
-/// `coil`: edges of one coil of the helix. An axis is a mean over one coil, so it is shorter than its line by one; lines
-/// shorter than a coil give 0.
+/// `coil`: edges of one coil of the helix. An axis is a mean over one coil, so it is one coil shorter than its line;
+/// lines shorter than a coil give 0.
 pub fn winding(lines: &Lines, coil: usize) -> f64 {
     let shortest = lines[0].len().min(lines[1].len());
     if coil == 0 || shortest < coil + 2 {

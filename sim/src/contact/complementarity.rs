@@ -1,9 +1,9 @@
 //! The linear complementarity problem 0 <= l, b + C l >= 0, l (b + C l) = 0.
 //!
 //! C is small (one row a contact) and nearly symmetric: block principal pivoting (Judice and Pires 1994)
-//! solves it exactly in a few steps, in finitely many where every principal minor of C is positive. Where
-//! the columns are too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable
-//! solution: a wrong multiplier left on a separated pair would spoil all later sweeps.
+//! solves it exactly in a few steps, and in finitely many if every principal minor of C is positive. If the columns are
+//! too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable solution: a wrong multiplier
+//! left on a separated pair would spoil all later sweeps.
 
 use crate::linear::solve as solve_equations;
 
@@ -30,7 +30,7 @@ fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
     b[row] + matrix[row * size..(row + 1) * size].iter().zip(l).map(|(c, l)| c * l).sum::<f64>()
 }
 
-/// Returns whether the solution was found; if not, `l` is as it was.
+/// Returns whether the solution was found; if not, `l` is unchanged.
 fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) -> bool {
     let size = b.len();
     let mut active: Vec<bool> =
@@ -58,7 +58,7 @@ fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) 
         } else if patience > 0 {
             patience -= 1;
         } else {
-            // One by one no set comes back (Murty 1974).
+            // With one exchange at a time, no set recurs (Murty 1974).
             active[*last] = !active[*last];
             continue;
         }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn pivots_that_cycle_end() {
-        // From this start whole blocks of pivots come back to where they were (the matrix of Murty 1974).
+        // From this start, block pivots cycle (the matrix of Murty 1974).
         let matrix = [1.0, 2.0, 0.0, 0.0, 1.0, 2.0, 2.0, 0.0, 1.0];
         let mut l = vec![1.0, 0.0, 0.0];
         assert!(principal_pivoting(&matrix, &[-1.0; 3], &mut l, 1e-12));

@@ -6,11 +6,12 @@
 //!
 //! A rod's surface moves with v + w x r: v is the velocity of its centre line, w the angular velocity of its
 //! cross-sections, spin included, r the arm from the centre line to the contact. So the force has a couple r x f about each
-//! centre line, [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the forces in
-//! a sweep is one of its errors.
+//! centre line, [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the forces
+//! in a sweep is one of the sweep's errors.
 //!
-//! Not solved at every step: soft flagella that unwrap when one motor reverses stick and snap, and with a coefficient of 0.1
-//! or more the trial ends with a step that cannot be made (0.05 passes). Flagella that mesh, both senses negative, pass with 0.3.
+//! Some steps with friction cannot be solved: soft flagella that unwrap when one motor reverses stick and snap. With a
+//! coefficient of 0.1 or more the trial then ends (0.05 passes). Flagella that mesh, both senses negative, pass with
+//! 0.3.
 
 use crate::V3;
 

@@ -13,10 +13,10 @@ pub struct Pair {
     pub rods: [usize; 2],
     /// The edges.
     pub edges: [usize; 2],
-    /// Where on the edges the closest points are, 0 to 1.
+    /// Positions of the closest points on the edges, 0 to 1.
     pub at: [f64; 2],
-    /// Unit normal from the second to the first, body frame. It keeps its side, so a prediction that
-    /// passed through is pushed back.
+    /// Unit normal from the second to the first, body frame. It keeps its side, so edges that a prediction moved
+    /// through each other are pushed back.
     pub normal: V3,
     /// Distance of the centre lines along the normal, m; negative when the edges have passed each other.
     pub distance: f64,
@@ -31,8 +31,8 @@ pub type Lines = [Vec<V3>; 2];
 
 /// Below this distance, m, the direction between centre lines is undefined.
 const COINCIDENT: f64 = 1e-12;
-/// A normal that deviates from the one before by more than about 100 degrees (the cosine) has changed its side. One near
-/// 90 degrees is a contact that slides over the end of an edge.
+/// Cosine of a change of direction, about 100 degrees, beyond which a normal has changed its side. A change near 90
+/// degrees is a contact that slides over the end of an edge.
 const FLIPPED: f64 = -0.2;
 /// A force is handed over to a new pair at most this many edges away: contact slides less in a step.
 const SLIDE_EDGES: f64 = 3.0;
@@ -79,7 +79,7 @@ impl Pair {
         a + (b - a) * self.at[side]
     }
 
-    /// Returns the distance at the present shapes with the closest points found anew, m.
+    /// Returns the distance at the present shapes between the present closest points, m.
     pub fn true_distance(&self, lines: &Lines) -> f64 {
         let ([p0, p1], [q0, q1]) = (self.ends(lines, 0), self.ends(lines, 1));
         let closest = segment_distance(p0, p1, q0, q1);
@@ -87,15 +87,15 @@ impl Pair {
         if closest.separation.dot(&self.normal) < FLIPPED * distance { -distance } else { distance }
     }
 
-    /// Returns the couple of the friction on each of both edges about its own centre line, body frame, N m.
+    /// Returns the couple of the friction on either edge about its own centre line, body frame, N m.
     ///
-    /// Friction acts half way between the centre lines, with the arm -n D/2 from the first and n D/2 from the second, so
-    /// that forces and moments of the pair vanish in sum.
+    /// Friction acts half way between the centre lines, with the arm -n D/2 from the first and n D/2 from the second,
+    /// so the pair's forces and moments sum to zero.
     pub fn couple(&self) -> V3 {
         self.normal.cross(&self.friction) * (-0.5 * self.distance)
     }
 
-    /// Returns the four nodes of the pair as (rod, node, weight): a unit force on the pair is these shares on the nodes,
+    /// Returns the four nodes of the pair as (rod, node, weight): the nodes' shares of a unit force on the pair,
     /// positive on the first edge.
     pub fn weights(&self) -> [(usize, usize, f64); 4] {
         let ([a, b], [e, f], [s, t]) = (self.rods, self.edges, self.at);

@@ -1,8 +1,8 @@
 //! Coarse points that represent many fine points in a smooth flow: forces are gathered to them, velocities interpolated
 //! from them.
 //!
-//! A fine point takes its velocity from the coarse points near it by polynomial interpolation, and forces go to the
-//! coarse points with the weights of their places. This preserves total forces, and moments as far as the interpolation
+//! A fine point takes its velocity from the coarse points near it by polynomial interpolation, and a force goes to the
+//! coarse points with the weights of its position. This preserves total forces, and moments as far as the interpolation
 //! is exact.
 
 use super::far::gauss_rule;
@@ -63,8 +63,9 @@ impl Coarse {
         (Self { count: picks.len(), gather, spread }, picks)
     }
 
-    /// Trilinear interpolation from eight points of the box about a body's surface, at 1/sqrt(3) of its half widths: a body's
-    /// uniform and linear flows are exact, and second moments nearly so. Returns the weights and the eight points, m.
+    /// Returns the weights of trilinear interpolation from eight points, and these points, m. They lie at 1/sqrt(3) of
+    /// the half widths of the box about a body's surface: uniform and linear flows are exact, and second moments nearly
+    /// so.
     pub fn body(surface: &[V3]) -> (Self, Vec<V3>) {
         let low = surface.iter().fold(V3::repeat(f64::INFINITY), |a, x| a.inf(x));
         let high = surface.iter().fold(V3::repeat(f64::NEG_INFINITY), |a, x| a.sup(x));
@@ -79,7 +80,7 @@ impl Coarse {
         (Self { count: 8, gather: terms.clone(), spread: terms }, (0..8).map(corner).collect())
     }
 
-    /// Returns weights with which each point of a body is its own coarse point.
+    /// Returns weights that make each point of a body its own coarse point.
     pub fn identity(count: usize) -> Self {
         let terms: Vec<Term> = (0..count).map(|i| (i, i, 1.0)).collect();
         Self { count, gather: terms.clone(), spread: terms }

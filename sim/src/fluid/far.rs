@@ -34,9 +34,9 @@ pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
 #[derive(Clone, Debug, Default)]
 pub struct Sources {
     count: usize,
-    /// x, y and z of the points, then of their forces; what follows the points is scratch.
+    /// x, y and z of the points, then of their forces; entries after the points are scratch.
     columns: [Vec<f64>; 6],
-    /// Nodes and densities of the line that is added.
+    /// Nodes and densities of the line being added.
     line: [Vectors; 2],
 }
 
@@ -57,8 +57,8 @@ impl Sources {
         self.count += 1;
     }
 
-    /// Adds the Gauss points of the edges `edges` of a line. `node` and `density`: place (m) and force density (N/m, linear
-    /// between nodes) of a node.
+    /// Adds the Gauss points of the edges `edges` of a line. `node` and `density`: position (m) and force density (N/m,
+    /// linear between nodes) of a node.
     #[inline(always)]
     pub fn push_edges(
         &mut self,
@@ -126,7 +126,7 @@ enum Points {
 }
 
 impl Targets {
-    /// Room for `count` points.
+    /// Returns targets with room for `count` points.
     pub fn new(count: usize, precision: Precision) -> Self {
         Self(match precision {
             Precision::Single => Points::Single(single::Points::new(count)),
@@ -225,7 +225,8 @@ macro_rules! kernel {
                     let Points { count: targets, at: [x, y, z], flow: [ux, uy, uz], sources } = self.points;
                     let [sx, sy, sz, fx, fy, fz] = sources;
                     let e2 = simd.$splat(self.e2);
-                    // Registers of targets; the last targets, if they fill no more than half of one, meet registers of sources.
+                    // Registers of targets. If the last targets fill at most half a register, they are summed over
+                    // registers of sources.
                     let blocks = (2 * *targets + S::$lanes - 1) / (2 * S::$lanes);
                     {
                         let count = self.count;

@@ -20,8 +20,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Points of a head. More change its resistance by less than a per cent, and cost time in each sweep.
 pub const POINTS: usize = 40;
-/// Regularisation over the width of a cell. With it and [`INSET`] a sphere of any number of points has its translational and its
-/// rotational resistance within 1 %.
+/// Regularisation over the width of a cell. With it and [`INSET`], the translational and the rotational resistance of a
+/// sphere are within 1 % for any number of points.
 const EPSILON: f64 = 0.42;
 /// Depth of the points under the surface, relative to the distance between neighbours. The body in the flow is slightly
 /// larger than the hull of its points.
@@ -79,7 +79,8 @@ struct Ring {
     area: f64,
 }
 
-/// Rings of a cylinder: one on each edge, where the forces are largest, and others at equal distances between them.
+/// Returns the rings of a cylinder: one on each edge, where the forces are largest, and others at equal distances
+/// between them.
 fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
     let rings = (a / width + 0.5).round().max(1.0);
     let step = a / (rings - 0.5);
@@ -103,19 +104,20 @@ fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
     out
 }
 
-/// The outline of a spheroid in a half-plane through its axis: distance from the axis and height, at close steps.
+/// Returns the outline of a spheroid in a half-plane through its axis: distance from the axis and height, at close
+/// steps.
 fn spheroid_outline(a: f64, c: f64) -> Vec<[f64; 2]> {
     let steps = 4000;
     (0..=steps).map(|i| (PI * f64::from(i) / f64::from(steps)).sin_cos()).map(|(s, z)| [a * s, c * z]).collect()
 }
 
-/// Area of the band between two points of an outline.
+/// Returns the area of the band between two points of an outline.
 fn band(ends: &[[f64; 2]]) -> f64 {
     let ([r0, z0], [r1, z1]) = (ends[0], ends[1]);
     PI * (r0 + r1) * (r1 - r0).hypot(z1 - z0)
 }
 
-/// Rings in the middle of equal arcs of an outline.
+/// Returns the rings in the middle of equal arcs of an outline.
 fn spheroid_rings(outline: &[[f64; 2]], width: f64) -> Vec<Ring> {
     let lengths = outline.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
     let mut arc = vec![0.0];
@@ -149,7 +151,7 @@ impl RigidSurface {
     /// Returns the head of a robot; `None` if it is not a body in the flow.
     ///
     /// # Errors
-    /// A head whose points are too close to tell them apart.
+    /// A head whose points are too close to each other.
     pub fn of_head(robot: &Robot) -> Result<Option<Self>, ParamError> {
         let points = surface_points(&robot.head, POINTS);
         if points.is_empty() {
@@ -197,7 +199,7 @@ impl RigidSurface {
         &self.resistance * velocities
     }
 
-    /// Returns the torque about the joint on the fluid for an angular velocity about it, N m s.
+    /// Returns the torque on the fluid about the joint per angular velocity, N m s.
     pub fn rotational_resistance(&self) -> Matrix3<f64> {
         self.rigid_resistance(V3::zeros()).fixed_view::<3, 3>(3, 3).into_owned()
     }

@@ -5,9 +5,9 @@
 //! Stokeslet segments*).
 //!
 //! [`segment`] has the exact integrals, [`mobility`] the dense matrix, and [`near`] with [`far`] the
-//! fast product: exact segments within a few edges on the same rod, Gauss points for all others. [`head`] is a rigid body in
-//! the same flow. [`walls`] has the
-//! images of forces in the walls of a tank, [`tank`] their flow about the robot between few points ([`coarse`]).
+//! fast product: exact segments within a few edges on the same rod, Gauss points for all others. [`head`] is a rigid
+//! body in the same flow. [`walls`] has the images of forces in the walls of a tank; [`tank`] computes their flow about
+//! the robot between few points ([`coarse`]).
 
 pub mod coarse;
 pub mod far;
@@ -27,7 +27,7 @@ pub fn stokeslet_factor(viscosity: f64) -> f64 {
     1.0 / (8.0 * PI * viscosity)
 }
 
-/// A flagellum in the body frame, as the surroundings see it.
+/// Nodes and force densities of a flagellum in the body frame.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     /// Nodes, m.

@@ -1,16 +1,17 @@
 //! The near part of a rod's own mobility, where Gauss points are too coarse: exact segments.
 //!
-//! For every node and the segments within a few edges of it: the exact segment less its Gauss rule,
-//! so that the sum with the point Stokeslets of *all* segments is exact near and Gauss far. Stored by
-//! diagonals, vectorised over the nodes; formulas as in [`super::segment`], with T_{0,-1} =
-//! (2/L) atanh(L/(R0 + R1)) from two half-angle steps and an odd series instead of a logarithm.
+//! The band holds, for every node and the segments within a few edges of it, the exact segment less its Gauss rule.
+//! Added to the point Stokeslets of *all* segments, it makes near segments exact and leaves the Gauss rule for far
+//! ones. Stored by diagonals, vectorised over the nodes; formulas as in [`super::segment`], with T_{0,-1} = (2/L)
+//! atanh(L/(R0 + R1)) from two half-angle steps and an odd series instead of a logarithm.
 
 use super::{far::gauss_rule, stokeslet_factor};
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
 use pulp::{Simd, WithSimd};
 
-/// Half-angle steps leave an argument below 0.31; eleven terms are then good to 1e-12.
+/// Returns the inverse hyperbolic tangent. Half-angle steps leave an argument below 0.31; eleven terms are then good to
+/// 1e-12.
 #[inline(always)]
 fn atanh_small<S: Simd>(simd: S, q: Wide<S>) -> Wide<S> {
     let z = q * q;
@@ -29,7 +30,7 @@ pub struct NearBand {
     nodes: usize,
     reach: usize,
     rule: &'static [(f64, f64)],
-    /// One of each diagonal: the six components xx, xy, xz, yy, yz, zz, padded to whole vectors.
+    /// For each diagonal the six components xx, xy, xz, yy, yz, zz, padded to whole vectors.
     diagonals: Vec<[Vec<f64>; 6]>,
     /// Padded nodes, `reach` before and after the rod.
     padded: [Vec<f64>; 3],

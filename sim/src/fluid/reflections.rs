@@ -1,10 +1,10 @@
-//! The flow that images in single walls leave out: the reflections of these images in the other walls of a tank.
+//! The flow missing from the images in single walls: the reflections of these images in the other walls of a tank.
 //!
 //! The sum of the images in single walls subtracts too much flow. Midway between two walls a force along them loses 12
 //! % too much of its flow, and in a closed tank a robot's sideways mobility would not even be positive. The remainder
-//! is a smooth flow without forces in the tank. It is found once, world axes: point forces behind each wall (method of
-//! fundamental solutions) cancel what the superposed images leave on it, in as many points (least squares); between
-//! points about the robot the result is a polynomial in the place of the force and of the flow.
+//! is a smooth flow without forces in the tank. It is found once, in world axes: point forces behind each wall (method
+//! of fundamental solutions) cancel the slip that the superposed images leave on it, at as many points (least squares).
+//! For points about the robot, the result is a polynomial in the positions of the force and of the flow.
 
 use super::head::stokeslet;
 use super::walls::{Images, Plane, Walls};
@@ -14,18 +14,18 @@ use crate::linear::multiply;
 use nalgebra::{DMatrix, Matrix3};
 use pulp::{Simd, WithSimd};
 
-/// Points on all walls, at most.
+/// Largest number of points on all walls.
 const POINTS: f64 = 250.0;
 /// Damping of the least squares, relative to the mean square of a force's flow. It matters only for forces that cause
 /// no flow.
 const DAMPING: f64 = 1e-9;
-/// How far a wall reaches where no other one ends it, in distances from the robot's middle.
+/// Extent of a wall that no other wall ends, over its distance from the robot's middle.
 const OPEN: f64 = 8.0;
-/// Distance of the forces behind a wall over that of its points from each other.
+/// Distance of the forces behind a wall, over the spacing of its points.
 const BEHIND: f64 = 1.0;
 /// Total degree of the polynomials.
 const DEGREE: usize = 4;
-/// Points along each axis of the box about the robot in which the polynomials are fitted.
+/// Points for the fit of the polynomials, along each axis of the box about the robot.
 const SAMPLES: usize = 5;
 
 /// The remaining flow between points about the robot.
@@ -33,22 +33,23 @@ const SAMPLES: usize = 5;
 pub struct Reflections {
     centre: V3,
     half: V3,
-    /// Coefficients of the flow for those of the forces: of all monomials along x, then y, then z.
+    /// Gives the coefficients of the flow from the moments of the forces: for all monomials along x, then y, then z.
     matrix: DMatrix<f64>,
     /// Monomials at the points, one point after the other.
     values: Vec<f64>,
 }
 
 impl Reflections {
-    /// `near`: the walls without those images whose flow is wanted here, too; `robot`: least and largest corner of the box in
-    /// which the robot is, m. `None` where a single wall or surface leaves nothing: its image is all.
+    /// Returns the flow missing from the images in `near`, which may lack some of the images in `walls`. `robot`: least
+    /// and largest corner of the box that holds the robot, m. `None` for a single wall or surface, whose image is
+    /// exact.
     pub fn new(walls: &Walls, near: &Walls, robot: [V3; 2]) -> Option<Self> {
         if walls.planes().len() + usize::from(walls.surface().is_some()) < 2 {
             return None;
         }
         let middle = (robot[0] + robot[1]) * 0.5;
         let (mut points, mut sources) = (vec![], vec![]);
-        // The mirror images of walls are met by the mirror images of forces.
+        // The mirror images of forces account for the mirror images of walls.
         let above = walls.surface().unwrap_or(f64::INFINITY);
         let real: Vec<&Plane> = walls.planes().iter().filter(|plane| plane.axis != 2 || plane.at < above).collect();
         let along = (POINTS / real.len().max(1) as f64).sqrt() as usize;
@@ -128,7 +129,7 @@ impl Reflections {
         }
     }
 
-    /// Adds the moments of forces (N), sums with each monomial at their places, for the points from `first` on.
+    /// Adds the moments of forces (N) at the points from `first` on: the sums of force times each monomial.
     pub fn add_moments(&self, first: usize, forces: &[V3], moments: &mut Vec<f64>) {
         moments.resize(self.matrix.nrows(), 0.0);
         let values = &self.values[first * moments.len() / 3..];
@@ -147,7 +148,7 @@ impl Reflections {
     }
 }
 
-/// Adds forces times the monomials at their places; compiled for the machine's vector instructions.
+/// Adds forces times the monomials at their points; compiled for the machine's vector instructions.
 struct Gather<'a> {
     values: &'a [f64],
     forces: &'a [V3],
@@ -214,19 +215,19 @@ fn push_monomials(x: V3, out: &mut Vec<f64>) {
     }
 }
 
-/// Returns the points of a grid in a box, nearer to each other at its sides.
+/// Returns the points of a grid in a box, closer together at its sides.
 fn grid([low, high]: [V3; 2]) -> Vec<V3> {
     let at = |i: usize| -(std::f64::consts::PI * (i as f64 + 0.5) / SAMPLES as f64).cos();
     let index = |i: usize| V3::new(at(i % SAMPLES), at(i / SAMPLES % SAMPLES), at(i / SAMPLES / SAMPLES));
     (0..SAMPLES.pow(3)).map(|i| (low + high) * 0.5 + (high - low).component_mul(&index(i)) * 0.5).collect()
 }
 
-/// Adds points of a wall between its ends, `along` each side, the closer together the nearer to the robot's middle, and
-/// places of forces behind them.
+/// Adds points of a wall between its ends, `along` per side and closer together near the robot's middle, and positions
+/// of forces behind them.
 fn cover(plane: &Plane, middle: V3, ends: [V3; 2], along: usize, points: &mut Vec<V3>, sources: &mut Vec<V3>) {
     let height = plane.height(middle);
     let axes = [(plane.axis + 1) % 3, (plane.axis + 2) % 3];
-    // Along an axis: places and the distance of neighbours.
+    // Positions and spacing along each axis.
     let places = axes.map(|axis| {
         let [from, to] = ends.map(|corner| ((corner[axis] - middle[axis]) / height).asinh());
         let step = (to - from) / along as f64;

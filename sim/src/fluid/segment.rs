@@ -1,4 +1,4 @@
-//! The flow of one regularised Stokeslet segment with a linear force density, exactly.
+//! The exact flow of one regularised Stokeslet segment with a linear force density.
 //!
 //! For a segment y0 -> y1 and a point x, with x0 = x - y0, v = y0 - y1, L = |v| and
 //! R(a)^2 = |x0 + a v|^2 + eps^2, the flow is 8 pi mu u = L (A1 f0 + A2 f1). A1 and A2 follow from
@@ -15,7 +15,7 @@ const GAUSS8: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
 ];
 
-/// Beyond this many segment lengths the closed forms cancel, and quadrature is exact to rounding.
+/// Beyond this many segment lengths the closed forms lose digits by cancellation, and quadrature is exact to rounding.
 const FAR: f64 = 5.0;
 
 /// Moments of a segment: T_{0,-1}, T_{1,-1} and T_{0,-3} to T_{3,-3}.
@@ -26,12 +26,12 @@ struct Moments {
 }
 
 impl Moments {
-    /// `s0` = x0.v, `l2` = L^2, `r0` = R(0), `r1` = R(1).
+    /// Returns the closed forms. `s0` = x0.v, `l2` = L^2, `r0` = R(0), `r1` = R(1).
     fn closed(s0: f64, l2: f64, r0: f64, r1: f64) -> Self {
         let l = l2.sqrt();
         let s1 = s0 + l2;
         let sum = r0 + r1;
-        // The textbook's logarithms with the difference taken out, which has no sign cases.
+        // One logarithm for the textbook's difference of two: it needs no cases for signs.
         let t01 = ((sum + l) / (sum - l)).ln() / l;
         let t03 = (s1 / r1 - s0 / r0) / (l2 * r0 * r0 - s0 * s0);
         let t11 = (r1 - r0 - s0 * t01) / l2;

@@ -1,10 +1,10 @@
 //! The flow of a tank's walls and surface about a robot that turns in it: the images of all its forces, at all its points.
 //!
-//! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the
-//! wall, so their flow is smooth. It is computed between every few nodes of a flagellum and eight points of the head
-//! ([`super::coarse`]); the nodes are closer together near a wall. The matrix between these points is kept until they
-//! have moved. Images that are far away, and what the images in single walls leave out, are a polynomial
-//! ([`super::reflections`]).
+//! Inputs and outputs are in body axes. Inside, world axes are used, in which the tank stands still. Images are at
+//! least twice as far away as the wall, so their flow is smooth. It is computed between every few nodes of a flagellum
+//! and eight points of the head ([`super::coarse`]); the nodes are closer together near a wall. The matrix between
+//! these points is kept until they have moved. Far images, and the flow missing from the images in single walls, are a
+//! polynomial ([`super::reflections`]).
 
 use super::Line;
 use super::coarse::Coarse;
@@ -15,21 +15,21 @@ use crate::V3;
 use crate::params::{Robot, Tank};
 use nalgebra::UnitQuaternion;
 
-/// Length between coarse nodes over the distance of the nearest wall and over a turn of the helix, at most: errors are then
+/// Largest spacing of coarse nodes, over the distance of the nearest wall and over a turn of the helix: errors are then
 /// below 1 % of the images' flow.
 const SPACING: f64 = 0.25;
 /// Distance of the nearest wall, relative to the size of the head, above which eight points represent the head.
 const FAR_HEAD: f64 = 1.0;
-/// Distance that a point may move, over that of the nearest wall, before the matrix is computed anew.
+/// Distance that a point may move before the matrix is recomputed, over the distance of the nearest wall.
 const MOVED: f64 = 2e-3;
 
 /// The images' flow about one robot.
 #[derive(Clone, Debug)]
 pub struct TankFlow {
     walls: Walls,
-    /// Those whose images are summed.
+    /// The walls whose images are summed.
     near: Walls,
-    /// Other images, and what the images in single walls leave out.
+    /// The other images, and the flow missing from the images in single walls.
     reflections: Option<Reflections>,
     epsilon: f64,
     factor: f64,
@@ -48,7 +48,7 @@ pub struct TankFlow {
     forces: Vec<V3>,
     /// Flow of the images of the flagella's forces at the coarse points, world axes, and their moments.
     of_flagella: (Vec<V3>, Vec<f64>),
-    /// World axes in, body axes out.
+    /// Flow at the coarse points: summed in world axes, then rotated to body axes.
     coarse_flow: Vec<V3>,
     images: Images,
     flow: Vec<V3>,
@@ -64,7 +64,7 @@ struct CoarseNodes {
     picks: Vec<usize>,
 }
 
-/// The points that stand for those of the head.
+/// The points that represent the head.
 #[derive(Clone, Debug)]
 struct CoarseSurface {
     surface: Vec<V3>,
@@ -75,7 +75,8 @@ struct CoarseSurface {
 }
 
 impl TankFlow {
-    /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
+    /// Returns the flow about a robot. `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's
+    /// surface, none without a head; m.
     pub fn new(robot: &Robot, tank: &Tank, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
         let (walls, space) = (Walls::of(tank), tank.space_of(robot));
         let near = walls.near(space);
@@ -205,7 +206,7 @@ impl TankFlow {
         &self.flow[self.flow.len() - self.head.surface.len()..]
     }
 
-    /// Takes forces from body axes to world axes.
+    /// Rotates the forces from body axes to world axes.
     fn rotate_forces(&mut self, attitude: &UnitQuaternion<f64>) {
         let to_world = attitude.to_rotation_matrix();
         for force in &mut self.forces {
@@ -239,7 +240,7 @@ impl CoarseNodes {
         Self { nodal_length, stride: 1, coarse, picks }
     }
 
-    /// `spacing`: largest length between coarse nodes, m.
+    /// Chooses the coarse nodes. `spacing`: largest length between them, m.
     fn choose(&mut self, spacing: f64) {
         // An inner node has a whole edge.
         let stride = (spacing / self.nodal_length[1]).max(1.0) as usize;
@@ -256,7 +257,7 @@ impl CoarseSurface {
         Self { surface: surface.to_vec(), far: false, coarse, points: surface.to_vec() }
     }
 
-    /// `clearance`: distance of the nearest wall, m.
+    /// Chooses the coarse points. `clearance`: distance of the nearest wall, m.
     fn choose(&mut self, clearance: f64) {
         let Some(first) = self.surface.first() else { return };
         let size = self.surface.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);

@@ -1,8 +1,8 @@
-//! The tank about the flow: plane no-slip walls and a free surface, by images.
+//! The tank's boundaries as images: plane no-slip walls and a free surface.
 //!
-//! World axes. A point force at height h over a wall, seen from height z, has an image at the height -h: with X from the
-//! image to the point, R^2 = |X|^2 + eps^2, n the wall's normal into the fluid, f_n and X_n components along n, g the
-//! force with its part along the wall reversed, q = g.X,
+//! World axes. A point force at height h over a wall has an image at height -h. With z the height of a point in the
+//! flow, X from the image to this point, R^2 = |X|^2 + eps^2, n the wall's normal into the fluid, f_n and X_n
+//! components along n, g the force with its part along the wall reversed, and q = g.X, the image's flow is
 //!
 //! ```text
 //! 8 pi mu u = -(1/R + eps^2/R^3) f + 2 h z (1/R^3 - 3 eps^2/R^5) g - 2 h q/R^3 n
@@ -10,16 +10,16 @@
 //! ```
 //!
 //! This is the image of Ainley, Durkin, Embid, Boindala and Cortez 2008 (*The method of images for regularized
-//! Stokeslets*), collected: with the Stokeslet of [`super::far`] the flow vanishes at the wall to rounding for every
-//! eps, eps = 0 is Blake's image (1971), and force and velocity may be exchanged (reciprocity).
+//! Stokeslets*), with its terms collected. With the Stokeslet of [`super::far`] the flow vanishes at the wall to
+//! rounding for every eps, eps = 0 gives Blake's image (1971), and force and velocity may be exchanged (reciprocity).
 //!
-//! A free surface that stays plane reflects: the image of a force is its mirror image, and the walls are mirrored as well,
-//! so that the surface has neither a normal velocity nor shear, whatever walls stand on it.
+//! A free surface that stays plane acts as a mirror: the image of a force is its mirror image. The walls are mirrored
+//! as well, so that the surface has neither a normal velocity nor shear, whichever walls meet it.
 //!
 //! Each wall reflects the forces and their mirror images, but not the images in other walls. Between two walls that
 //! face each other the sum is too large: midway between them by 12 % for a force along them (Faxen 1922: a small
 //! sphere's drag grows by 1.004 radii over the distance; two images give 2 x 9/16). [`super::reflections`] has the
-//! rest, and the images that are far from the robot; [`Walls::near`] has the others.
+//! correction, and the images that are far from the robot; [`Walls::near`] has the other images.
 
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
@@ -32,7 +32,7 @@ use pulp::{Simd, WithSimd};
 pub struct Plane {
     /// The axis: 0, 1 or 2.
     pub axis: usize,
-    /// Where the plane cuts the axis, m.
+    /// Position of the plane along the axis, m.
     pub at: f64,
     /// 1 where the fluid is on the side of larger coordinates, else -1.
     pub side: f64,
@@ -51,13 +51,13 @@ impl Plane {
 pub struct Walls {
     /// The walls; with a free surface also their mirror images.
     planes: Vec<Plane>,
-    /// Those of them that have images of the forces' mirror images.
+    /// The walls with images of the forces' mirror images.
     of_mirrored: Vec<Plane>,
     /// Height of the free surface, m.
     surface: Option<f64>,
 }
 
-/// Distance of images from all places of the robot, over half the width of its space, from which on they are far.
+/// Images are far beyond this distance from every point of the robot, over half the width of its space.
 const FAR: f64 = 2.1;
 
 impl Walls {
@@ -80,8 +80,8 @@ impl Walls {
         Self::new(tank.walls.iter().map(plane).collect(), tank.free_surface.then_some(tank.joint_depth_m))
     }
 
-    /// Returns the same without the images in walls that are far from all places of a robot between two corners (m): their flow
-    /// there is smooth.
+    /// Returns the same boundaries without the images that are far from every point of a robot between two corners (m):
+    /// the flow of far images is smooth there.
     pub fn near(&self, [low, high]: [V3; 2]) -> Self {
         let width = (high - low).max();
         let is_near = |mirrors: &[(usize, f64)]| {
@@ -119,8 +119,8 @@ impl Walls {
         self.planes.iter().map(|plane| plane.height(x)).fold(surface, f64::min)
     }
 
-    /// Returns the flow at `x` of the images of a force at `y` (m), without the factor 1/(8 pi mu): column b is that of a
-    /// unit force along axis b, 1/m.
+    /// Returns the flow at `x` of the images of a force at `y` (m), without the factor 1/(8 pi mu): column b belongs to
+    /// a unit force along axis b, 1/m.
     pub fn tensor(&self, x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
         let mut images = Images::default();
         images.assemble(self, &[x], &[y], epsilon);
@@ -144,7 +144,7 @@ impl Walls {
 fn blake<S: Simd, const N: usize>(simd: S, plane: &Plane, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
     let all = |value| Wide::all(simd, value);
     let (h, side) = (plane.height(y), plane.side);
-    // Distances along the normal are counted along the axis: on the far side of a wall only their sign differs.
+    // Components along the normal are stored along the axis: the wall's side changes only their sign.
     let z = (x[N] - all(plane.at)).scaled(side);
     let mut d = [x[0] - all(y.x), x[1] - all(y.y), x[2] - all(y.z)];
     d[N] = (z + all(h)).scaled(side);
@@ -302,7 +302,7 @@ impl WithSimd for Multiply<'_> {
         let padded = images.at[0].len();
         let columns = &images.columns[9 * padded * first..];
         for block in (0..padded).step_by(S::F64_LANES) {
-            // By the axis of the force: one sum for all would wait for each of its terms.
+            // One sum for each axis of the force: a single sum would wait for each of its terms.
             let mut sums = [[Wide::all(simd, 0.0); 3]; 3];
             for (force, columns) in forces.iter().zip(columns.chunks_exact(9 * padded)) {
                 for b in 0..3 {

@@ -15,8 +15,8 @@ impl Robot {
         }
     }
 
-    /// Returns the robot with the laboratory's choices, by which the published angles are met: a regularisation of 1.03
-    /// rod radii, rods that spin about their centre lines without drag, and a head that has a drag and no flow about it.
+    /// Returns the robot with the laboratory's choices, which reproduce the published angles: a regularisation of 1.03
+    /// rod radii, rods that spin about their centre lines without drag, and a head with a drag but no flow about it.
     pub fn published() -> Self {
         Self {
             head: Head { shape: HeadShape::Local, ..Head::default() },

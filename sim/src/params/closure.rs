@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Closure {
-    /// Two-way: the clamps move with the body, and the moment is that of all forces of the fluid on
-    /// both flagella about the joint, with righting moment, tether, base drag and joint friction.
+    /// Two-way: the clamps move with the body. All forces of the fluid on both flagella give a moment about the joint,
+    /// beside the righting moment, tether, base drag and joint friction.
     #[default]
     Full,
-    /// One-way: forces of flagella on a base held still, of them the couples (F1z - F2z) d/2 and
-    /// (F1y - F2y) d/2 with their true signs and the reaction torques about the shafts; the flagella's
-    /// own rotational resistance about the joint is a constant matrix.
+    /// One-way: the flagella exert the forces that they have on a base held still. Only the couples (F1z - F2z) d/2 and
+    /// (F1y - F2y) d/2, with their true signs, and the reaction torques about the shafts count. The flagella's own
+    /// rotational resistance about the joint is a constant matrix.
     Lumped,
     /// The printed equations to the letter: M_y = (F1z - F2z) d/2, M_z = (F1y - F2y) d/2, a righting
-    /// moment about y alone and the base's drag. They assume the two flagella on opposite sides from
-    /// where they are, leave out the reaction torques, and nothing in them stops a constant yaw torque.
+    /// moment about y alone and the base's drag. They place each flagellum on the opposite side, leave out the reaction
+    /// torques, and have no term that stops a constant yaw torque.
     Paper,
     /// The base is held still at its attitude; for studies of the flagella alone.
     Held,

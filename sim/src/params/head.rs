@@ -5,7 +5,7 @@ use super::validate::{refuse, within};
 use crate::V3;
 use serde::{Deserialize, Serialize};
 
-/// What the fluid sees of the base.
+/// The effect of the base on the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HeadShape {
@@ -29,8 +29,8 @@ pub struct Head {
     pub shape: HeadShape,
     /// Radius across z_B in m (0.0135, publication).
     pub radius_m: f64,
-    /// Length of a cylinder or spheroid along z_B in m (0.0285, from the joint to 9 mm above the shafts' feet). A sphere has
-    /// none.
+    /// Length of a cylinder or spheroid along z_B in m (0.0285, from the joint to 9 mm above the shafts' feet). A
+    /// sphere ignores it.
     pub length_m: f64,
     /// Centre in the body frame in m (0, 0, -0.01425): the joint is in the middle of the top.
     pub centre_m: [f64; 3],
@@ -42,7 +42,7 @@ impl Default for Head {
     }
 }
 
-/// Bounds of length over radius. The surface's points are spread for compact bodies.
+/// Bounds of length over radius: the layout of the surface's points suits compact bodies.
 const SLENDERNESS: [f64; 2] = [0.5, 10.0];
 
 impl Head {

@@ -2,8 +2,8 @@
 //!
 //! Keys carry their unit where they have one; everything is SI. The defaults are the robot `physical`: the
 //! published robot (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291, "the publication" below) with round rods.
-//! [`Robot::published`] has the laboratory's choices, by which the published angles are met. [`Robot::validate`]
-//! names the key and the reason of an impossible value; unknown keys fail when a file is read.
+//! [`Robot::published`] has the laboratory's choices, which reproduce the published angles. [`Robot::validate`] names
+//! the key and the reason of an impossible value; unknown keys fail when a file is read.
 //!
 //! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
 //! states: Stokes flow is an approximation there.
@@ -51,7 +51,7 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
-    /// What the fluid sees of the base.
+    /// The effect of the base on the fluid.
     pub head: Head,
     /// The tank about it; without one the fluid has no bounds.
     pub tank: Option<Tank>,
@@ -78,17 +78,17 @@ pub struct Base {
     /// Principal moments of inertia about x_B, y_B, z_B in kg m2 (1.63e-5, 1.63e-5, 0.91e-5, from a
     /// commented table of the publication's source). Matters for milliseconds only.
     pub inertia_kg_m2: [f64; 3],
-    /// Mass centre below the joint in m (0.002, publication): an effective value, m g r_m stands for
-    /// everything that hangs from the joint. Zero leaves nothing that rights the robot.
+    /// Mass centre below the joint in m (0.002, publication): an effective value, m g r_m stands for everything that
+    /// hangs from the joint. With zero, nothing rights the robot.
     pub mass_centre_below_joint_m: f64,
     /// Coefficient C_r of the base's rotational drag 2 pi mu C_r r_h^3 (2.3, publication).
     pub rotational_drag: f64,
     /// Acceleration of gravity in m/s2 (9.80665).
     pub gravity_m_s2: f64,
-    /// Whether the flagella's net weight acts on the base too (false: `mass_centre_below_joint_m`
-    /// stands for it already). Their elastic rods carry it in any case. The published pitch makes the
-    /// choice: with it the pitch at (50, 10) is -1.62 degrees, without it -4.23, against 3.29 in the publication's simulation
-    /// and 4.96 in its experiment (|pitch|; `published`, closure `full`, 120 s). The closure `paper` has no such weight.
+    /// Whether the flagella's net weight acts on the base too (false: `mass_centre_below_joint_m` already includes it).
+    /// Their elastic rods carry it in any case. The published pitch decides: at (50, 10), the pitch is -1.62 degrees
+    /// with this weight and -4.23 without it, against 3.29 in the publication's simulation and 4.96 in its experiment
+    /// (|pitch|; `published`, closure `full`, 120 s). The closure `paper` has no such weight.
     pub flagella_weight_on_base: bool,
 }
 
@@ -113,7 +113,7 @@ impl Default for Base {
 #[serde(default, deny_unknown_fields)]
 pub struct Flagellum {
     /// Radius of the rod in m (0.003: the publication prints 6 mm as a radius, but its pitch angles
-    /// match 3 mm and come out three times too large with 6 mm). Its fourth power is the stiffness.
+    /// match 3 mm and come out three times too large with 6 mm). The bending stiffness grows with its fourth power.
     pub rod_radius_m: f64,
     /// Radius of the helix in m (0.00889, publication).
     pub helix_radius_m: f64,
@@ -123,8 +123,8 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
-    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). The motor angle is zero where the encoder
-    /// began to count, so on a rig this parameter must be fitted.
+    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). On a rig this parameter must be fitted,
+    /// because the motor angle is zero where the encoder began to count.
     pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,
@@ -132,9 +132,9 @@ pub struct Flagellum {
     pub poisson: f64,
     /// Density in kg/m3 (1450, publication). Only the weight less buoyancy matters.
     pub density_kg_m3: f64,
-    /// Length of an edge in m (0.005, the publication's 5 mm). Mean forces at 5 mm are within 1.5 % of
-    /// those at 1.25 mm, and converge about as its square; the cost of a step grows about as its power
-    /// -1.4. Above a twelfth of a coil the helix is not resolved.
+    /// Length of an edge in m (0.005, the publication's 5 mm). Mean forces at 5 mm are within 1.5 % of those at 1.25
+    /// mm. Their error decreases about as its square; the cost of a step grows about as its power -1.4. Above a twelfth
+    /// of a coil the helix is not resolved.
     pub edge_length_m: f64,
 }
 
@@ -196,8 +196,8 @@ pub struct Fluid {
     pub density_kg_m3: f64,
     /// Glycerol and water instead of the two values above.
     pub glycerol: Option<Glycerol>,
-    /// Share of a round rod's couple on its spin about its own centre line, 4 pi mu a^2 a metre (`physical`: 1, a
-    /// round rod; `published`: 0). Changes of the spin in the shaft's frame feel at least
+    /// Drag on the rods' spin about their own centre lines, as a share of a round rod's couple 4 pi mu a^2 per metre
+    /// (`physical`: 1, a round rod; `published`: 0). Changes of the spin in the shaft's frame have at least
     /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of it.
     pub spin_drag: f64,
     /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
@@ -252,12 +252,12 @@ impl Glycerol {
 }
 
 impl Fluid {
-    /// Returns the dynamic viscosity in Pa s, that of the mixture when there is one.
+    /// Returns the dynamic viscosity in Pa s, of the mixture if there is one.
     pub fn viscosity(&self) -> f64 {
         self.glycerol.map_or(self.viscosity_pa_s, |g| g.viscosity_pa_s())
     }
 
-    /// Returns the density in kg/m3, that of the mixture when there is one.
+    /// Returns the density in kg/m3, of the mixture if there is one.
     pub fn density(&self) -> f64 {
         self.glycerol.map_or(self.density_kg_m3, |g| g.density_kg_m3())
     }
@@ -268,9 +268,9 @@ impl Fluid {
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
     /// Tether stiffness K of the energy K tau^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
-    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s: its mean over starting phases with
-    /// `physical` (5.006e-4; `cargo run --release -p sim --example tether -- physical 8`), its value for flagella that start
-    /// alike with `published` (3.599e-4). Nothing else is fitted. Zero: the robot spins on.
+    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s: the mean over starting phases for
+    /// `physical` (5.006e-4; `cargo run --release -p sim --example tether -- physical 8`), the value with equal
+    /// starting phases for `published` (3.599e-4). Nothing else is fitted. With zero, the robot never stops spinning.
     pub tether_full_nm_per_rad: f64,
     /// The same for the `lumped` closure (`physical`: 5.100e-4, `published`: 3.645e-4).
     pub tether_lumped_nm_per_rad: f64,
@@ -303,7 +303,7 @@ impl Joint {
 pub struct Contact {
     /// Whether rods touch (true). If not, they pass through each other.
     pub enabled: bool,
-    /// Largest penetration in m (1e-5): stiffness follows from it. Smaller costs little.
+    /// Largest penetration in m (1e-5); the contact stiffness follows from it. A smaller value costs little.
     pub tolerance_m: f64,
     /// Coefficient of friction of the rods' surfaces, see [`crate::contact::friction`] (0: wet silicone in glycerin). With
     /// friction some steps of flagella that unwrap cannot be solved.
@@ -330,8 +330,8 @@ impl Robot {
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, zero where its head is none or a body in
-    /// the flow.
+    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, or zero if its head is `none` or a
+    /// body in the flow.
     pub fn base_drag(&self) -> f64 {
         if self.head.shape != HeadShape::Local {
             return 0.0;

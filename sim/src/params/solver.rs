@@ -16,18 +16,18 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverSettings {
-    /// Estimated error of a step, over the radius of the helix, above which steps become shorter (7e-4):
-    /// displacement of the flagella against the fluid, root mean square. [`crate::step::StepControl`] has the errors of
-    /// means that it gives.
+    /// Estimated error of a step above which steps become shorter (7e-4): root mean square displacement of the flagella
+    /// against the fluid, over the radius of the helix. [`crate::step::StepControl`] lists the resulting errors of
+    /// means.
     pub step_error: f64,
-    /// Longest step in rad (0.3): angle of the faster motor, or between the motors where that is more. Steps in free
-    /// fluid have this length; longer ones need a third sweep and save nothing, above 1.1 they fail.
+    /// Longest step in rad (0.3): angle of the faster motor, or the angle between the motors if it is larger. Steps in
+    /// free fluid have this length. Longer steps need a third sweep and save nothing; above 1.1 they fail.
     pub step_rad: f64,
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. In steps below
-    /// 0.13 rad, it is relative to what moves the helix as far in such a step.
+    /// speed of the helix (0.02). The error of mean forces is about a tenth of it. In steps below 0.13 rad, it is
+    /// relative to the speed that would move the helix as far as a step of 0.13 rad does.
     pub tolerance: f64,
     /// Largest number of times that the longest step is halved before the trial stops with an error (10).
     pub halvings: u32,
@@ -37,8 +37,8 @@ pub struct SolverSettings {
     pub near_edges: u32,
     /// Gauss points of all other segments, 2 to 4 (2).
     pub gauss_points: u32,
-    /// Precision of the sum over far segments (single), for programs: mean forces do not change to six digits. Files of older
-    /// versions may have it, as single.
+    /// Precision of the sum over far segments (single). Only programs can change it; mean forces are then the same to
+    /// six digits. Files of older versions may contain it, as single.
     #[serde(skip_serializing, deserialize_with = "single")]
     pub far_field: Precision,
 }

@@ -32,7 +32,7 @@ impl Face {
     /// All faces of a box.
     pub const ALL: [Self; 6] = [Self::MinusX, Self::PlusX, Self::MinusY, Self::PlusY, Self::MinusZ, Self::PlusZ];
 
-    /// Returns the axis that the face is across, and its side along it: -1 or 1.
+    /// Returns the axis of the face's normal, and the normal's direction along it: -1 or 1.
     pub fn normal(self) -> (usize, f64) {
         match self {
             Self::MinusX => (0, -1.0),
@@ -55,12 +55,12 @@ pub struct Tank {
     pub width_m: f64,
     /// Height of the fluid along z in m, from the floor to its surface.
     pub height_m: f64,
-    /// The joint's place along x and y in m, from the sides at the least x and the least y.
+    /// Position of the joint along x and y in m, from the sides at the least x and the least y.
     pub joint_m: [f64; 2],
     /// Depth of the joint below the surface in m.
     pub joint_depth_m: f64,
-    /// Faces that are walls without slip (the four sides and the floor). What is neither a wall nor a free surface is open:
-    /// the fluid goes on for ever there.
+    /// Faces that are walls without slip (the four sides and the floor). A face that is neither a wall nor a free
+    /// surface is open: the fluid has no bounds there.
     #[serde(default = "sides_and_floor")]
     pub walls: Vec<Face>,
     /// Whether the top is a free surface (true): plane, without shear.
@@ -77,7 +77,8 @@ fn yes() -> bool {
 }
 
 impl Tank {
-    /// Returns the tank of the publication, filled to its brim, with the robot in the middle: as `host/plans/robot-tank.toml`.
+    /// Returns the tank of the publication, filled to its brim, with the robot in the middle, as in
+    /// `host/plans/robot-tank.toml`.
     pub fn published() -> Self {
         Self {
             length_m: 1.22,
@@ -90,7 +91,7 @@ impl Tank {
         }
     }
 
-    /// Returns where the plane of a face cuts its axis, in m from the joint.
+    /// Returns the position of a face along its axis, in m from the joint.
     pub fn place(&self, face: Face) -> f64 {
         match face {
             Face::MinusX => -self.joint_m[0],
@@ -108,7 +109,7 @@ impl Tank {
             .map(|faces| V3::from(faces.map(|face| self.place(face))))
     }
 
-    /// Returns corners of the box in the tank where a robot is that tilts by no more than about 30 degrees, m.
+    /// Returns the corners of the box in the tank that holds a robot with a tilt of at most about 30 degrees, m.
     pub fn space_of(&self, robot: &Robot) -> [V3; 2] {
         let length = robot.base.height_m + robot.flagellum.axial_length_m;
         let beside = 0.5 * length + 0.5 * robot.base.motor_distance_m;

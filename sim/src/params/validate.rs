@@ -1,4 +1,4 @@
-//! Limits of the parameters, and why they are limits.
+//! Limits of the parameters, with their reasons.
 
 use super::{ParamError, Robot};
 use std::f64::consts::{PI, TAU};

@@ -12,7 +12,7 @@ pub struct Band {
 }
 
 impl Band {
-    /// A zero matrix of `size` rows.
+    /// Returns a zero matrix of `size` rows.
     pub fn new(size: usize) -> Self {
         Self { size, values: vec![0.0; size * WIDTH] }
     }

@@ -1,8 +1,7 @@
 //! Bending energy 1/2 EI/l_i |kappa_i - kappa0_i|^2 at every inner node, and its derivatives.
 //!
-//! l_i is the Voronoi length, kappa_i the two material curvatures of [`Frames::curvature`]. The
-//! second derivatives are those of Bergou et al. 2010 (appendix) with the symmetric treatment of the
-//! directors' parallel transport.
+//! l_i is the Voronoi length, kappa_i the two material curvatures of [`Frames::curvature`]. The second derivatives
+//! follow Bergou et al. 2010 (appendix), with the symmetric treatment of the directors' parallel transport.
 
 use super::stencil::{ByNode, add_local, spread_edges, symmetric};
 use super::{Rod, band::Band, frames::Frames};
@@ -11,7 +10,7 @@ use crate::lanes::{Vectors, Wide};
 use nalgebra::Matrix3;
 use pulp::Simd;
 
-/// Energy in J.
+/// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {

@@ -1,9 +1,9 @@
 //! Frames along a rod: time-parallel reference frames and material frames.
 //!
 //! Each edge carries a reference frame (tangent t, directors d1 and d2 = t x d1), transported in
-//! parallel from the last accepted step's tangent to today's, and the material frame (m1, m2), the
-//! reference frame turned about t by the edge's angle. The reference twist at a node measures how
-//! the directors rotate between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
+//! parallel from the last accepted step's tangent to the present one, and the material frame (m1, m2), the reference
+//! frame turned about t by the edge's angle. The reference twist at a node measures how the directors rotate between
+//! its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
 
 use crate::V3;
 use crate::lanes::{Vectors, Wide, Wide3, padded};
@@ -33,7 +33,7 @@ pub struct ReferenceFrames {
 }
 
 impl ReferenceFrames {
-    /// Directors transported in parallel along the rod from the first edge: no reference twist anywhere.
+    /// Returns frames transported in parallel along the rod from the first edge, without reference twist.
     pub fn transported_along(nodes: &[V3]) -> Self {
         let tangent: Vec<V3> = nodes.windows(2).map(|p| (p[1] - p[0]).normalize()).collect();
         let first = tangent[0];
@@ -74,7 +74,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Scratch for a rod of `n` nodes.
+    /// Returns scratch for a rod of `n` nodes.
     pub fn new(n: usize) -> Self {
         let vectors = || Vectors::new(n);
         let values = || vec![0.0; padded(n)];
@@ -151,7 +151,7 @@ impl Frames {
         reference.twist.copy_from_slice(&self.reference_twist[..nodes]);
     }
 
-    /// Curvatures kappa1, kappa2 at an inner node (dimensionless).
+    /// Returns the curvatures kappa1, kappa2 at an inner node (dimensionless).
     ///
     /// kappa1 = (m2_{i-1} + m2_i).kb/2, kappa2 = -(m1_{i-1} + m1_i).kb/2.
     #[inline(always)]
@@ -160,7 +160,7 @@ impl Frames {
         [0.5 * kb.dot(&(self.m2.at(i - 1) + self.m2.at(i))), -0.5 * kb.dot(&(self.m1.at(i - 1) + self.m1.at(i)))]
     }
 
-    /// Twist in rad at an inner node: difference of the edge angles plus reference twist.
+    /// Returns the twist in rad at an inner node: difference of the edge angles plus reference twist.
     #[inline(always)]
     pub fn twist(&self, i: usize, angles: &[f64]) -> f64 {
         angles[i] - angles[i - 1] + self.reference_twist[i]

@@ -1,7 +1,7 @@
 //! The gradient of all elastic energies, many nodes at a time.
 //!
-//! Bending and twist give derivatives with respect to the two edges and the two angles at a node; edge by
-//! edge they are summed with the tension, and a node feels the difference of its two edges.
+//! Bending and twist give derivatives with respect to the two edges and the two angles at a node. They are summed with
+//! the tension edge by edge; the gradient at a node is the difference of its two edges.
 
 use super::{Rod, bend, frames::Frames, stencil::ByNode, stretch, twist};
 use crate::lanes::{Wide, Wide3, padded};
@@ -32,7 +32,7 @@ impl AtRest {
     }
 }
 
-/// Overwrites `out`, four slots a node.
+/// Writes the gradient to `out`, four slots a node.
 pub(super) fn gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
     pulp::Arch::new().dispatch(Gradient { rod, frames, angles, out });
 }
@@ -56,7 +56,7 @@ impl WithSimd for Gradient<'_> {
         let mut scratch = vec![0.0; 9 * length];
         let (given, by_node) = scratch.split_at_mut(length);
         given[..n - 1].copy_from_slice(angles);
-        // By the edge before every node, and by the edge after: x, y, z, angle.
+        // Derivatives with respect to the edge before each node, and to the edge after it: x, y, z, angle.
         let (before, after) = by_node.split_at_mut(4 * length);
         for i in (1..n - 1).step_by(S::F64_LANES) {
             let zero = Wide::all(simd, 0.0);
@@ -75,7 +75,7 @@ impl WithSimd for Gradient<'_> {
                 sum.angles[side].store(rows, 3 * length + i);
             }
         }
-        // Beyond the last inner node the registers left nothing of meaning.
+        // Beyond the last inner node, the registers left meaningless numbers.
         for rows in [&mut *before, &mut *after] {
             for row in rows.chunks_exact_mut(length) {
                 row[n - 1..].fill(0.0);

@@ -1,9 +1,8 @@
 //! Discrete elastic rods: a centre line of nodes with a material frame on every edge.
 //!
-//! Units SI. Coordinates are those of the shaft frame, which turns with the motor, so the clamped
-//! nodes are constants. Energies and kinematics: Bergou et al. 2008 (*Discrete Elastic Rods*),
-//! Bergou et al. 2010 (*Discrete Viscous Threads*), Jawed et al. 2018 (*A Primer on the Kinematics
-//! of Discrete Elastic Rods*).
+//! Units SI. Coordinates are in the shaft frame, which turns with the motor, so the clamped nodes are constant.
+//! Energies and kinematics: Bergou et al. 2008 (*Discrete Elastic Rods*), Bergou et al. 2010 (*Discrete Viscous
+//! Threads*), Jawed et al. 2018 (*A Primer on the Kinematics of Discrete Elastic Rods*).
 //!
 //! A rod of `n` nodes has the degrees of freedom `x_0, theta_0, x_1, theta_1, ..., x_{n-1}`. In
 //! vectors with four slots a node, slot `4 i + 3` is the angle of edge `i`; the last one is unused.
@@ -39,7 +38,8 @@ pub struct Stiffness {
 }
 
 impl Stiffness {
-    /// A solid round rod: EA = E pi r^2, EI = E pi r^4/4, GJ = G pi r^4/2 with G = E/(2 (1 + nu)).
+    /// Returns the stiffness of a solid round rod: EA = E pi r^2, EI = E pi r^4/4, GJ = G pi r^4/2 with G = E/(2 (1 +
+    /// nu)).
     ///
     /// Radius in m, Young's modulus in Pa.
     pub fn solid_round(radius: f64, young: f64, poisson: f64) -> Self {
@@ -65,8 +65,8 @@ pub struct Rod {
     /// Half the sum of the lengths of the adjacent edges in m, one a node; end nodes have half an edge.
     /// The weight of a nodal force density.
     pub nodal_length: Vec<f64>,
-    /// Length of the rod in m whose bending and twist a node carries: from the middle of the edge before
-    /// it to that of the edge after it, but see [`Rod::clamped_at_foot`].
+    /// Length of the rod in m whose bending and twist a node carries: from the middle of the edge before it to the
+    /// middle of the edge after it, except at the clamp ([`Rod::clamped_at_foot`]).
     pub voronoi_length: Vec<f64>,
     /// Natural curvatures kappa1, kappa2 (dimensionless, integrated over the Voronoi length), one a node.
     pub natural_curvature: Vec<[f64; 2]>,
@@ -78,8 +78,8 @@ pub struct Rod {
 }
 
 impl Rod {
-    /// Returns a rod that is free of stress in the given shape (m): its natural curvature and twist are those of the
-    /// shape, where every elastic force vanishes to rounding.
+    /// Returns a rod that is free of stress in the given shape (m). The shape sets its natural curvature and twist, so
+    /// every elastic force vanishes there to rounding.
     ///
     /// The shape must have at least three nodes, no two neighbours in the same place, and no edge that folds back onto
     /// its neighbour; [`crate::params`] ensures this for a robot.
@@ -109,9 +109,9 @@ impl Rod {
 
     /// Returns the same rod held at its first node instead of the middle of its first edge.
     ///
-    /// An edge stands for the rod's direction in its middle, so the clamped edge alone would hold the rod
-    /// half an edge below the shaft's foot and leave out what that half bends and twists: an error of
-    /// first order in the edge length. Here node 1 carries it as well.
+    /// An edge represents the rod's direction at its middle. The clamped edge alone would thus hold the rod half an
+    /// edge below the shaft's foot, without the bending and twist of that half: an error of first order in the edge
+    /// length. Here node 1 carries that half as well.
     pub fn clamped_at_foot(mut self) -> Self {
         self.voronoi_length[1] += 0.5 * self.rest_length[0];
         let Self { rest_length, voronoi_length, natural_curvature, natural_twist, .. } = &self;

@@ -1,11 +1,11 @@
 //! The couple of the fluid on a rod that spins about its own centre line.
 //!
 //! A round rod of radius a that turns about its tangent t with the rate w_t feels the couple -4 pi mu a^2 w_t t a metre
-//! (the rotlets of Chwang and Wu 1974, J. Fluid Mech. 63, 607, for a slender body). The rate is that of the material
-//! frame against the fluid at rest, w_t = d(theta)/dt + t.W: theta is the angle of an edge in its time-parallel frame, W
-//! the angular velocity of the shaft's frame, motor and body. The couple enters the balance of torques about every edge,
-//! and with it the twist; what acts on the clamped edge goes to the clamp. It moves no fluid: the rotlets' own flow is of
-//! the same order as other terms that slender-body theory leaves out.
+//! (the rotlets of Chwang and Wu 1974, J. Fluid Mech. 63, 607, for a slender body). The material frame turns against
+//! the fluid at rest with the rate w_t = d(theta)/dt + t.W: theta is the angle of an edge in its time-parallel frame, W
+//! the angular velocity of the shaft's frame (motor and body). The couple enters the torque balance of every edge and
+//! so changes the twist; the couple on the clamped edge acts on the clamp. It moves no fluid: the rotlets' own flow is
+//! of the same order as other terms that slender-body theory leaves out.
 
 /// Smallest drag on changes of the spin in the shaft's frame, as a share of a round rod's. Without drag, twist has no
 /// time constant, and no solution exists where it snaps (soft flagella driven against their winding).

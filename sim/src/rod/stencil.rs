@@ -1,6 +1,6 @@
 //! The degrees of freedom that bending and twist at a node depend on: two edges, three nodes and two angles.
 //!
-//! In slots of four a node that is a block of 11: x_{i-1}, theta_{i-1}, x_i, theta_i, x_{i+1}.
+//! With four slots a node, this is a block of 11: x_{i-1}, theta_{i-1}, x_i, theta_i, x_{i+1}.
 
 use super::band::Band;
 use crate::V3;
@@ -10,8 +10,8 @@ use pulp::Simd;
 
 /// Derivatives of the energy at neighbouring nodes.
 pub(super) struct ByNode<S: Simd> {
-    /// With respect to the unit tangents of the edges before and after a node, N m; over the edge's
-    /// length with respect to the edge.
+    /// With respect to the unit tangents of the edges before and after a node, N m. Divided by the edge's length, they
+    /// are derivatives with respect to the edge.
     pub edges: [Wide3<S>; 2],
     /// With respect to the angles of these edges, N m.
     pub angles: [Wide<S>; 2],
@@ -46,7 +46,7 @@ pub(super) fn spread_edges(local: &mut [[f64; 11]; 11], ee: Matrix3<f64>, ff: Ma
     }
 }
 
-/// a b' + b a'
+/// Returns a b' + b a'.
 pub(super) fn symmetric(a: V3, b: V3) -> Matrix3<f64> {
     a * b.transpose() + b * a.transpose()
 }

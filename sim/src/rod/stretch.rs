@@ -4,7 +4,7 @@ use super::{Rod, Stiffness, band::Band, frames::Frames};
 use crate::lanes::Wide;
 use pulp::Simd;
 
-/// Energy in J.
+/// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
     let ea = rod.stiffness.stretch_n;
     (frames.length.iter().zip(&rod.rest_length))
@@ -12,7 +12,7 @@ pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
         .sum()
 }
 
-/// Tension at neighbouring edges for their `stretch` |e|/|e0|, N.
+/// Returns the tension at neighbouring edges for their `stretch` |e|/|e0|, N.
 #[inline(always)]
 pub(super) fn tension<S: Simd>(stiffness: &Stiffness, stretch: Wide<S>, one: Wide<S>) -> Wide<S> {
     (stretch - one).scaled(stiffness.stretch_n)

@@ -8,7 +8,7 @@ use super::{Rod, band::Band, frames::Frames};
 use crate::lanes::Wide;
 use pulp::Simd;
 
-/// Energy in J.
+/// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {

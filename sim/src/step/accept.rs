@@ -43,7 +43,7 @@ pub fn check(sweeps: &mut Sweeps, problem: &StepProblem, body: &BodySolve) -> Re
 /// Returns the report of a solved step, with its loads and without its error, and the base at its end.
 ///
 /// # Errors
-/// [`StepFailure::Diverged`] where a one-way closure has no solution for the base.
+/// [`StepFailure::Diverged`] if a one-way closure has no solution for the base.
 pub fn finish(
     sweeps: &Sweeps,
     problem: &StepProblem,
@@ -75,7 +75,7 @@ pub fn finish(
             (alone.finish(), alone.error())
         }
     };
-    // What acts on the base does so at its own attitude, also where the flagella are computed on a base held still.
+    // The weight acts at the base's own attitude, also if the flagella are computed on a base held still.
     let down = next.attitude.inverse_transform_vector(&-V3::z());
     let report = StepReport {
         sweeps: converged.sweeps,

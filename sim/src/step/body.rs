@@ -14,9 +14,9 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector6};
 
 /// Newton iterations for a given moment.
 const ITERATIONS: u32 = 50;
-/// They end at changes of the rate below this share of it.
+/// Relative change of the rate at which the iterations end.
 const RATE_ERROR: f64 = 1e-10;
-/// Rate that counts at least in that share, rad/s, as a base at rest has none.
+/// Added to the rate in this ratio, rad/s: a base at rest has no rate.
 const LEAST_RATE: f64 = 1e-3;
 
 /// The base's unknowns and its time formula.
@@ -40,7 +40,7 @@ pub struct BodySolve {
 }
 
 impl BodySolve {
-    /// Starts at the predicted rate.
+    /// Returns the base at its predicted rate.
     pub fn new(state: &State, step: &TimeStep) -> Self {
         let weights = &step.body.derivative[..step.points];
         let start = state.body.attitude;
@@ -68,8 +68,8 @@ impl BodySolve {
         solve
     }
 
-    /// Sets how the rods respond to a moving base within the step: their forces and torques for a unit motion of the
-    /// clamps, shaft frames, negative where they resist.
+    /// Sets the response of the rods to a moving base within the step: their forces and torques for a unit motion of
+    /// the clamps, shaft frames, negative where they resist.
     pub fn set_response(&mut self, shafts: &[Shaft; 2], responses: [&Matrix6<f64>; 2]) {
         self.response = Matrix3::zeros();
         for (shaft, response) in shafts.iter().zip(responses) {
@@ -97,7 +97,8 @@ impl BodySolve {
         self.body.yaw = unwrap(euler_zyx(&self.body.attitude)[0], self.start_yaw);
     }
 
-    /// Corrects the rate for the flagella's `moment` (N m). Returns the change in rad/s, or `None` where there is none.
+    /// Corrects the rate for the flagella's `moment` (N m). Returns the change in rad/s, or `None` if there is no
+    /// solution.
     pub fn update(&mut self, base: &RigidBase, moment: V3) -> Option<V3> {
         let acceleration = self.body.rate / self.h_eff + self.past_rate;
         let rest = moment + base.moment(&self.body) - base.inertial_moment(self.body.rate, acceleration);

@@ -13,7 +13,7 @@ use crate::rod::CLAMPED;
 
 /// A column serves until the pair's normal has turned by more than 11 degrees (its cosine) ...
 const SAME_NORMAL: f64 = 0.98;
-/// ... or its closest points have moved along the edges by more than this share of them in all.
+/// ... or its closest points have moved along the edges by more than this share of an edge in total.
 const SAME_POINT: f64 = 0.4;
 
 /// Displacements of both rods for a unit force in a pair.

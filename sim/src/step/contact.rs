@@ -1,6 +1,6 @@
 //! The contact half of a sweep: the forces of all close pairs together, and both rods' displacement by them.
 //!
-//! The columns of [`super::compliance`] make of the gap law a small linear complementarity problem in the forces.
+//! The columns of [`super::compliance`] turn the gap law into a small linear complementarity problem in the forces.
 
 use super::compliance::{Column, columns};
 use super::flagellum::{Flagellum, Kinematics};
@@ -16,9 +16,9 @@ use crate::contact::pairs::{self, Lines, Pair};
 use crate::contact::{complementarity, friction};
 use crate::rod::CLAMPED;
 
-/// Sweeps after which closest points and normals are held, as they may alternate.
+/// Sweeps after which closest points and normals are held, because they may alternate.
 const GEOMETRY_SWEEPS: u32 = 4;
-/// How often held points may be renewed when the true distances disagree.
+/// Largest number of times that held points are renewed because the true distances disagree.
 const RENEWALS: u32 = 6;
 /// Gaps that the complementarity problem need not resolve, m: a thousandth of the default tolerance.
 const LAW_ERROR: f64 = 1e-8;
@@ -42,19 +42,19 @@ pub struct Contacts {
     broad_phase: BroadPhase,
 }
 
-/// What contact did in a sweep.
+/// The effect of contact in a sweep.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContactChange {
-    /// Largest error of the gap law after it, m.
+    /// Largest error of the gap law after the sweep, m.
     pub gap_error: f64,
     /// Largest displacement of a node, m.
     pub motion: f64,
-    /// Largest change of a friction as the velocity that it gives to its edges, m/s.
+    /// Largest change of a friction force, as the velocity that it causes at its edges, m/s.
     pub friction: f64,
 }
 
 impl Contacts {
-    /// Without pairs.
+    /// Returns contacts without pairs.
     pub fn new(model: &Model) -> Self {
         let rods = &model.rods;
         Self {
@@ -73,7 +73,7 @@ impl Contacts {
         self.broad_phase.least_distance(lines)
     }
 
-    /// Finds the pairs of a step at the predicted shapes, with the forces of the step before as their start.
+    /// Finds the pairs of a step at the predicted shapes; their forces start from those of the step before.
     pub fn begin(&mut self, problem: &StepProblem, flagella: &mut [Flagellum; 2]) {
         let (limits, edge) = (&problem.model.limits, problem.model.rods[0].rest_length[0]);
         self.update_lines(flagella, &problem.step.shafts);
@@ -103,7 +103,7 @@ impl Contacts {
         overlapping
     }
 
-    /// Holds closest points and normals from some sweep on.
+    /// Holds closest points and normals from sweep `GEOMETRY_SWEEPS` on.
     pub fn hold_geometry(&mut self, sweep: u32) {
         self.held = sweep >= GEOMETRY_SWEEPS;
     }
@@ -111,7 +111,7 @@ impl Contacts {
     /// Solves for the forces of all pairs and moves both rods.
     ///
     /// # Errors
-    /// Forces or displacements that no contact has.
+    /// Forces or displacements that no contact can have.
     pub fn sweep(
         &mut self,
         problem: &StepProblem,
@@ -175,8 +175,8 @@ impl Contacts {
         self.load(flagella, shafts);
     }
 
-    /// Returns whether the pairs that were solved are all that matter and their held geometry is the true one; if not,
-    /// more sweeps are needed.
+    /// Returns whether the solved pairs are all that matter and their held geometry is correct; if not, more sweeps are
+    /// needed.
     pub fn complete(&mut self, problem: &StepProblem, flagella: &mut [Flagellum; 2]) -> bool {
         let limits = &problem.model.limits;
         let mut complete = self.extend(problem, flagella) == 0;
@@ -232,7 +232,7 @@ impl Contacts {
         }
     }
 
-    /// Updates distances, and unless they are held closest points and normals.
+    /// Updates distances, and closest points and normals unless these are held.
     fn refresh(&mut self) {
         for (pair, column) in self.pairs.iter_mut().zip(&mut self.columns) {
             if self.held {
@@ -264,7 +264,7 @@ impl Contacts {
         }
     }
 
-    /// Makes the columns of active pairs that have none.
+    /// Computes the missing columns of active pairs.
     fn fill_columns(&mut self, active: &[usize], problem: &StepProblem, flagella: &mut [Flagellum; 2]) {
         let missing: Vec<usize> = active.iter().copied().filter(|&q| self.columns[q].is_none()).collect();
         let pairs: Vec<&Pair> = missing.iter().map(|&q| &self.pairs[q]).collect();
@@ -324,7 +324,7 @@ impl Contacts {
         largest
     }
 
-    /// Largest error of the gap law at the present distances, m.
+    /// Returns the largest error of the gap law at the present distances, m.
     fn gap_error(&self, contact_distance: f64) -> f64 {
         (self.pairs.iter())
             .map(|p| {
@@ -340,7 +340,7 @@ fn shapes(flagella: &[Flagellum; 2]) -> [&[V3]; 2] {
     [&flagella[0].shape.nodes, &flagella[1].shape.nodes]
 }
 
-/// Returns the displacement of the surfaces of a pair by the twist that the friction of it and of its neighbours makes, m/N.
+/// Returns the displacement of a pair's surfaces by the twist from the friction of the pair and its neighbours, m/N.
 fn twist_compliance<'a>(pair: &Pair, pressing: impl Iterator<Item = &'a Pair> + Clone, problem: &StepProblem) -> f64 {
     let model = problem.model;
     let drag = model.robot.spin_drag();

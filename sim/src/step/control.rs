@@ -25,22 +25,22 @@ pub struct StepError {
 
 /// Halvings of the first step: it starts from rest with a formula of first order.
 const FIRST_LEVEL: u32 = 3;
-/// A step counts with an error of up to this many times its bound, with more it is taken again. About contact the next one
-/// is shorter from the bound itself on.
+/// A step with an error above this many times its bound is repeated. About contact, an error above the bound itself
+/// makes the next step shorter.
 const REJECTED: f64 = 4.0;
-/// Share of a helix radius that the error of a step may reach however short it is.
+/// Largest error of a step of any length, in helix radii.
 const RESOLVED: f64 = 0.05;
-/// A step with less than this share of the bound may make the next one longer: twice the length has up to 16 times the
-/// error.
+/// After a step with an error below this share of the bound, the next one may be longer: twice the length has up to 16
+/// times the error.
 const EASY: f64 = 1.0 / 8.0;
-/// A step with this many sweeps or more does not make the next one longer.
+/// After a step with this many sweeps or more, the next one is not longer.
 const EASY_SWEEPS: u32 = 9;
 /// Easy steps before the next one is longer.
 const EASY_STEPS: u32 = 2;
-/// Angle of easy steps before the next one is longer, rad, where free motion has needed shorter ones: two turns.
+/// Angle of easy steps before the next one is longer, rad, after free motion has needed shorter steps: two turns.
 const EASY_ANGLE: f64 = 4.0 * PI;
-/// Halvings from which on steps in contact, too, are tried with inverses of their own. Before that, shorter steps help
-/// them more.
+/// Number of halvings from which steps in contact are also tried with inverses of their own. Before that, shorter steps
+/// help more.
 const CONTACT_LEVEL: u32 = 4;
 /// Steps after contact in which motion is not yet free.
 const POST_CONTACT_STEPS: u32 = 40;
@@ -48,29 +48,29 @@ const POST_CONTACT_STEPS: u32 = 40;
 const KINK_STEPS: u32 = 4;
 /// Motors slower than this, rad/s, do not limit the step.
 const LEAST_SPEED: f64 = 1e-9;
-/// A rest of the time that is longer than the step by no more than this factor is taken in one step: no sliver remains.
+/// A remaining time of up to this many steps is taken in one step, so that no sliver remains.
 const STRETCH: f64 = 1.01;
 
 /// Chooses the length of each step by the outcome of the last ones.
 ///
-/// Lengths are the longest one, `solver.step_rad`, halved some times: few lengths need few frozen inverses. The estimated
-/// error of a step, relative to `solver.step_error`, halves the next one or repeats the step with half its length, and
-/// lets later ones grow again. It is an error of displacements; `truncation` derives why all steps should have the same
-/// one for the errors of mean loads to be small.
+/// Lengths are the longest one, `solver.step_rad`, and its repeated halves: few lengths need few frozen inverses. A
+/// large estimated error of a step, relative to `solver.step_error`, halves the next one or repeats the step with half
+/// its length; small errors let later steps grow again. It is an error of displacements. Errors of mean loads are small
+/// if all steps have the same one, as `truncation` derives.
 ///
 /// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
-/// and their steps grow again as soon as they may. In free motion errors rise and fall with each turn, and steps do not
-/// follow them: in even steps the formula's errors cancel over a turn, in uneven ones they do not, and means
-/// would be worse with more steps. `sim/docs/cost.md` has the errors of means.
+/// and their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, and steps do
+/// not follow them: the formula's errors cancel over a turn of even steps, but not of uneven ones. Means would be worse
+/// with more steps. `sim/docs/cost.md` has the errors of means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {
-    /// How often the present step is halved.
+    /// Number of halvings of the present step.
     level: u32,
     /// Steps since the last one that was not easy or changed the level.
     easy_steps: u32,
-    /// Angle of easy steps that is still to come before steps may grow, rad; zero where they may at once.
+    /// Remaining angle of easy steps before steps may grow, rad; zero if they may grow at once.
     held: f64,
-    /// Whether the next attempt gets inverses of its own: with those kept, one has failed.
+    /// Whether the next attempt gets inverses of its own, because an attempt with the kept ones has failed.
     own_inverses: bool,
     /// Steps since rods last pressed on each other.
     steps_since_contact: u32,
@@ -83,10 +83,10 @@ impl Default for StepControl {
 }
 
 impl StepControl {
-    /// Takes one step of `solver` that counts, not beyond `until` (s). `motors`: the motors as a function of time.
+    /// Takes one accepted step of `solver`, not beyond `until` (s). `motors`: the motors as a function of time.
     ///
     /// # Errors
-    /// [`StepError`] when the step fails however short it is.
+    /// [`StepError`] if the step fails at every length allowed.
     pub fn advance(
         &mut self,
         solver: &mut Solver,
@@ -136,7 +136,7 @@ impl StepControl {
         }
     }
 
-    /// Returns the error (m) above which a step is taken again.
+    /// Returns the error (m) above which a step is repeated.
     fn allowed_error(&self, solver: &Solver) -> f64 {
         let model = solver.model();
         let settings = &model.robot.solver;
@@ -153,7 +153,7 @@ impl StepControl {
         (self.level, self.easy_steps) = (level, 0);
     }
 
-    /// `angle`: that of the step, rad.
+    /// Adapts the level to an accepted step. `angle`: angle of the step, rad.
     fn succeeded(&mut self, solver: &Solver, report: &StepReport, angle: f64) {
         let model = solver.model();
         let settings = &model.robot.solver;
@@ -196,10 +196,11 @@ impl StepControl {
     }
 }
 
-/// Returns the speed that steps are measured by, of motors at these speeds, rad/s.
+/// Returns the speed that limits the angle of steps, for motors at these speeds, rad/s.
 ///
-/// What one flagellum does to the other, and both to the body, beats with the difference of their speeds: steps measured by
-/// the faster motor alone leave the tilt wrong by up to a degree where the motors turn against each other.
+/// The forces of one flagellum on the other, and of both on the body, beat with the difference of their speeds. With
+/// steps limited by the faster motor alone, the tilt is wrong by up to a degree for motors that turn in opposite
+/// senses.
 fn fastest(speeds: [f64; 2]) -> f64 {
     speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs())
 }

@@ -1,31 +1,31 @@
-//! When the sweeps of a step have converged, and when they never will.
+//! Checks whether the sweeps of a step have converged, or never will.
 //!
 //! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix, or times
-//! the speed that makes a certain displacement within the step, where that is more. Converged are rods whose velocity
-//! residual is below it, contacts whose gap law holds and whose forces and frictions move the rods no more, and a base
-//! whose rate changes no more. Stalled is an iteration that does not get better for some sweeps.
+//! the speed of a certain displacement within the step if that is larger. Rods have converged when their velocity
+//! residual is below it; contacts, when the gap law holds and their forces and frictions no longer move the rods; the
+//! base, when its rate no longer changes. An iteration has stalled when it has not improved for some sweeps.
 
 use super::limits::Limits;
 use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
 
-/// A robot is judged as if a motor turned at this speed at least, rad/s: at rest there is no speed to compare with.
+/// Smallest speed of the motors in this bound, rad/s: at rest there is no speed to compare with.
 const LEAST_SPEED: f64 = 0.1;
-/// A twist error of one radian counts as this many times the speed of the helix. It does not depend on the step: where
-/// the twist is about to snap, a small imbalance may stay.
+/// A twist error of one radian counts as this many times the speed of the helix. The factor does not depend on the
+/// step: where the twist is about to snap, a small imbalance may remain.
 const TWIST_LEVER: f64 = 5.0;
-/// Displacement, in helix radii, that a velocity over a step's first weight has at least when residuals are compared with it.
-/// It counts in steps below 0.13 rad: their residuals move the rods less, so fewer of the sweeps are needed that converge
-/// slowly while flagella snap past each other.
+/// Residuals are compared with at least the velocity of this displacement, in helix radii, over a step's first weight.
+/// It matters in steps below 0.13 rad: their residuals move the rods less, which saves some of the slowly converging
+/// sweeps while flagella snap past each other.
 const LEAST_MOTION: f64 = 0.07;
-/// Sweeps after the first that a moving base needs at least. It and the other rod lag by one sweep: with one sweep a step,
-/// errors below the tolerance would grow from step to step until they reach it.
+/// Least number of sweeps after the first for a moving base. The base and the other rod lag by one sweep: with one
+/// sweep a step, errors below the tolerance would grow from step to step until they reach it.
 const TWO_WAY_SWEEPS: u32 = 1;
-/// Bound of the velocity by which contact moves the rods in a sweep, in tolerances. The sweep's residual is from before
-/// that motion; most of it is absent from the next one.
+/// Bound of the velocity by which contact moves the rods in a sweep, in tolerances. The sweep's residual is computed
+/// before that motion, and the next residual contains only a small part of it.
 const CONTACT_MOTION: f64 = 6.0;
-/// Bound of the tips' velocity by a change of the base's rate, in tolerances: only a part of it becomes a residual.
+/// Bound of the tips' velocity from a change of the base's rate, in tolerances: only a part of it becomes a residual.
 const BASE_MOTION: f64 = 3.0;
 /// Share of the contact's motion that counts as a residual when progress is judged.
 const MOTION_SHARE: f64 = 0.3;
@@ -35,11 +35,11 @@ const SLOW: f64 = 0.3;
 const PROGRESS: f64 = 0.8;
 /// Sweeps without progress after which an iteration has stalled.
 const PATIENCE: u32 = 6;
-/// An error of this many times the best one so far has stalled at once ...
+/// An iteration whose error is this many times the best one so far has stalled at once ...
 const GROWTH: f64 = 30.0;
 /// ... after this sweep; the first sweeps may grow while contacts are found.
 const GROWTH_SWEEP: u32 = 3;
-/// A residual of this many times the speed of the helix is an iteration that diverges.
+/// An iteration whose residual is this many times the speed of the helix diverges.
 const DIVERGED: f64 = 1e3;
 
 /// Errors and changes of one sweep.
@@ -64,7 +64,7 @@ pub struct Changes {
     pub flow: f64,
 }
 
-/// What follows from a sweep.
+/// The verdict on a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// All parts agree.
@@ -84,7 +84,7 @@ pub struct Convergence {
     gap_tolerance: f64,
     /// Speed of the helix, m/s.
     speed: f64,
-    /// Distance of the tips from the joint, m: makes a velocity of the base's rate.
+    /// Distance of the tips from the joint, m: converts the base's rate to a velocity.
     reach: f64,
     least_sweeps: u32,
     last: SweepErrors,
@@ -93,7 +93,7 @@ pub struct Convergence {
 }
 
 impl Convergence {
-    /// For one step.
+    /// Returns the judge of one step.
     pub fn new(problem: &StepProblem) -> Self {
         let StepProblem { model, step, .. } = problem;
         let Model { robot, limits: Limits { gap_error, .. }, .. } = model;
@@ -152,7 +152,7 @@ impl Convergence {
         Verdict::Continue
     }
 
-    /// Starts anew after this sweep: the problem has changed.
+    /// Forgets earlier progress after this sweep, because the problem has changed.
     pub fn restart(&mut self, sweep: u32) {
         self.best = (f64::INFINITY, sweep);
     }

@@ -1,13 +1,13 @@
 //! Corotated coordinates: a frozen inverse serves a rod that has turned and bent since.
 //!
-//! A vector along the rod is taken to the shape at which the inverse was built: differences between neighbouring nodes are
-//! rotated, edge by edge, from today's material frames to those of then. The product is taken back the same way. Without
-//! it an inverse would be good for a fraction of a revolution.
+//! A vector along the rod is transformed to the shape at which the inverse was built: differences between neighbouring
+//! nodes are rotated, edge by edge, from the present material frames to the frames of that shape. The product is
+//! transformed back the same way. Without this, an inverse would be good for a fraction of a revolution.
 
 use crate::V3;
 use crate::rod::frames::Frames;
 
-/// Takes nodal vectors `at` from today's frames to those of the inverse, three numbers a node.
+/// Transforms nodal vectors `at` from the present frames to those of the inverse, three numbers a node.
 #[inline(always)]
 pub fn to_reference(built: &[[V3; 3]], today: &Frames, at: impl Fn(usize) -> V3, out: &mut [f32]) {
     let mut put = |i: usize, value: V3| {
@@ -28,8 +28,8 @@ pub fn to_reference(built: &[[V3; 3]], today: &Frames, at: impl Fn(usize) -> V3,
     }
 }
 
-/// Takes corrections from the frames of the inverse to today's, times `sign`: free nodes are rotated, the other unknowns only
-/// converted.
+/// Transforms corrections from the frames of the inverse to the present ones, times `sign`: free nodes are rotated, the
+/// other unknowns only converted.
 #[inline(always)]
 pub fn from_reference(built: &[[V3; 3]], today: &Frames, sign: f64, product: &[f32], out: &mut [f64]) {
     for (slot, value) in out.iter_mut().zip(product) {

@@ -1,7 +1,7 @@
 //! Factors of a square matrix in single precision by blocks: a sixth of the work of its inverse.
 //!
 //! A = L U with whole blocks for pivots: L has unit blocks on its diagonal, U the pivots. Rows are exchanged within a pivot
-//! only, so each pivot must be regular: those of [`super::preconditioner`] belong to neighbouring nodes.
+//! only, so each pivot must be regular: in [`super::preconditioner`], a pivot belongs to neighbouring nodes.
 
 use crate::linear::invert;
 use pulp::{Arch, Simd, WithSimd};
@@ -43,7 +43,7 @@ impl Factors {
         Arch::new().dispatch(Factor(&mut factors)).then_some(factors)
     }
 
-    /// Replaces vectors, which stand one after the other, each padded with zeros, by the solutions for them.
+    /// Replaces vectors by the solutions for them. The vectors follow one another, each padded with zeros.
     pub fn solve(&self, vectors: &mut [f32]) {
         let arch = Arch::new();
         // Several at once hide each other's latency; more than three are too many for the registers.
@@ -102,7 +102,7 @@ fn invert_pivot(columns: &[f32], size: usize, start: usize) -> Option<Block> {
             *entry = f64::from(*value);
         }
     }
-    // Column by column, it is the transpose that is inverted, into the transpose of the inverse.
+    // The entries are stored column by column: inverting the transpose gives the transpose of the inverse.
     invert(&mut pivot, BLOCK).then(|| pivot.map(|entry| entry as f32))
 }
 
@@ -151,7 +151,7 @@ fn multiply(block: &Block, rows: &[f32; BLOCK]) -> [f32; BLOCK] {
     product
 }
 
-/// Subtracts multiples of the columns of a block from some rows of vectors. The range is one of whole blocks.
+/// Subtracts multiples of the columns of a block from some rows of vectors. The range covers whole blocks.
 #[inline(always)]
 fn subtract<S: Simd, const K: usize>(
     simd: S,

@@ -1,9 +1,9 @@
 //! One flagellum within a step: its trial shape, the forces on it, its residual and its update.
 //!
-//! Shaft frame, SI. There is no inertia, and nothing is inverted: the force density on the fluid at
-//! free nodes is elastic force, net weight and contact over the nodal length, the densities at the two
-//! clamped nodes are unknowns, and the residual is the velocity of every node less the mobility times
-//! the density, with the torque about every free edge.
+//! Shaft frame, SI. There is no inertia, and nothing is inverted. The force density on the fluid at free nodes is the
+//! sum of elastic force, net weight and contact over the nodal length; the densities at the two clamped nodes are
+//! unknowns. The residual is the velocity of every node less the mobility times the density, and the torque about every
+//! free edge.
 
 use super::corotated::{from_reference, to_reference};
 use super::panels::Panels;
@@ -41,7 +41,7 @@ pub struct Flagellum {
     pub density: Vec<V3>,
     /// Contact forces on the nodes, shaft frame, N.
     pub contact: Vec<V3>,
-    /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::step::surroundings`].
+    /// Flow of everything but the flagella at the nodes, shaft axes, m/s; see [`crate::step::surroundings`].
     pub surrounding_flow: Vec<V3>,
     /// Torques of contact on the edges about their tangents, N m.
     pub contact_torque: Vec<f64>,
@@ -66,7 +66,7 @@ pub struct Flagellum {
 }
 
 impl Flagellum {
-    /// Working memory for a rod at rest.
+    /// Returns working memory for a rod at rest.
     pub fn new(robot: &Robot, rod: &Rod) -> Self {
         let n = rod.nodes();
         let points = robot.solver.gauss_points as usize;
@@ -139,8 +139,8 @@ impl Flagellum {
 
     /// Updates the residual and returns its size in m/s.
     ///
-    /// `sources`: far field of both rods, in this shaft frame; `lever`: velocity in m/s that a twist error of one radian
-    /// counts for.
+    /// `sources`: far field of both rods, in this shaft frame; `lever`: velocity in m/s equivalent to a twist error of
+    /// one radian.
     #[inline(never)] // so that a profile shows it
     pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, sources: &Sources, lever: f64) -> f64 {
         let n = rod.nodes();
@@ -222,8 +222,8 @@ impl Flagellum {
         from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
     }
 
-    /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes: columns of
-    /// its compliance, where the flows are those of unit forces.
+    /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes. For
+    /// flows of unit forces, these are columns of its compliance.
     #[inline(never)] // so that a profile shows it
     pub fn compliance_columns(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
         let (n, size) = (self.shape.nodes.len(), self.correction.len());
@@ -304,8 +304,8 @@ impl Flagellum {
         load
     }
 
-    /// Returns the flow (m/s) at this rod's nodes of point sources and, near them, of a nodal density (N/m) on the rod
-    /// itself.
+    /// Returns the flow (m/s) of point sources at this rod's nodes, with the near part for a nodal density (N/m) on the
+    /// rod itself.
     pub fn flow_of(&mut self, own_density: Option<&[V3]>, sources: &Sources) -> Vec<V3> {
         let n = self.shape.nodes.len();
         self.targets.set(&self.shape.nodes);

@@ -3,8 +3,8 @@
 //! In the frame that rotates with a motor the shape of a flagellum is not steady: its sideways
 //! deflection is steady in the laboratory and so rotates at the motor's speed. A backward formula that
 //! is exact for that motion (trigonometric fitting, Gautschi 1961) takes steps ten times longer than
-//! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an
-//! even grid the formula BDF3.
+//! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an even grid the
+//! formula becomes BDF3.
 
 use crate::linear::eliminate;
 
@@ -39,7 +39,7 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     }
 }
 
-/// Returns the weights with which the values of each basis function at `times` give its entry of `right`.
+/// Returns weights of `times`: the weighted sum of each basis function's values is its entry of `right`.
 fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
     let size = times.len().min(POINTS);
     let mut rows = [[0.0; POINTS + 1]; POINTS];
@@ -64,7 +64,7 @@ pub fn derivative(angle: f64, times: &[f64]) -> [f64; POINTS] {
     weights(angle, times, [0.0, 1.0, 0.0, 0.0])
 }
 
-/// Returns the weights b_j of the value at `at` from the values at `times`, with the same exactness.
+/// Returns the weights b_j of the value at `at` from the values at `times`, exact for the same functions.
 pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     let shifted: [f64; POINTS] = std::array::from_fn(|j| times.get(j).map_or(0.0, |t| t - at));
     weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])
@@ -73,11 +73,11 @@ pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
 /// Returns the error of a new point over its distance from the extrapolation of the past (Milne 1926).
 ///
 /// `first_weight`: the derivative's weight of the new point; `oldest`: time of the oldest point of the extrapolation, as
-/// in [`derivative`]. Derivative and extrapolation both leave out the first function that their basis lacks, and it has
-/// one divided difference over the new point and the past: the extrapolation is off by that difference times the
-/// distances of all past points, the derivative by as much without the oldest of them, with the opposite sign. The
-/// derivative's error over `first_weight` is that of the new point. Where the derivative takes as many past points as the
-/// extrapolation, its error is less.
+/// in [`derivative`]. Derivative and extrapolation are not exact for the first function that their basis lacks. It has
+/// one divided difference over the new point and the past. The extrapolation's error is this difference times the
+/// distances of all past points; the derivative's is the same without the oldest point, with the opposite sign. The
+/// derivative's error over `first_weight` is the error of the new point. If the derivative takes as many past points as
+/// the extrapolation, its error is less.
 pub fn error_share(first_weight: f64, oldest: f64) -> f64 {
     1.0 / (1.0 + first_weight * oldest.abs())
 }
@@ -101,7 +101,7 @@ mod tests {
         let times = [0.0, -1.0, -2.6, -3.1, -5.0];
         let a = derivative(0.0, &times);
         let b = value_at(0.0, &times[1..], 0.0);
-        // The point that the formula gives where it is asked for the true derivative at that point.
+        // The new point for which the formula gives the true derivative there.
         let rest: f64 = (1..POINTS).map(|j| a[j] * x(times[j])).sum();
         let point = (4.0 * 0.2f64.powi(3) - rest) / a[0];
         let extrapolated: f64 = (0..POINTS).map(|j| b[j] * x(times[j + 1])).sum();

@@ -2,19 +2,18 @@
 //!
 //! An inverse in the frames of [`super::corotated`] stays useful for a rod that has turned and bent since, within
 //! limits: the equations of a buckled soft flagellum differ from those of its helix at rest. So
-//! [`State`](crate::step::state::State) has the shapes about which the equations are linearised. They are those at rest until
-//! the sweeps of a step without contact become many, and then those of that step; a step that fails is tried again with
-//! those that are predicted for its end. An inverse depends on these shapes and its [`Key`] only, and a restored state
-//! goes on bit for bit.
+//! [`State`](crate::step::state::State) has the shapes about which the equations are linearised: the shapes at rest,
+//! until a step without contact needs many sweeps, and then the shapes of that step. A step that fails is tried again
+//! with the shapes predicted for its end. An inverse depends only on these shapes and its [`Key`], so a restored state
+//! continues bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense; solvers of equal flagella may share them ([`InversesAtRest`]). Free
-//! motion whose steps have needed one sweep too many for a long time also changes to dense inverses, at its present
-//! shapes: drag on the spin bends and twists the flagella far from rest, and they keep that shape. Inverses at other
-//! shapes are used for few steps, so their construction must be cheap: they stay factors in single precision, of
-//! equations with a coarser mobility.
-//! `cargo bench -p sim --bench trials -- soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has
-//! its table. The mean cost since the last new shapes decides, not the number of sweeps alone. Where contact makes the
-//! sweeps many, new shapes do not help.
+//! Inverses at rest serve for hundreds of steps and are dense; solvers of equal flagella may share them
+//! ([`InversesAtRest`]). Free motion also changes to dense inverses, at its present shapes, after its steps have needed
+//! one sweep too many for a long time: drag on the spin bends and twists the flagella far from rest, and they keep that
+//! shape. Inverses at other shapes are used for few steps, so their construction must be cheap: they stay factors in
+//! single precision, of equations with a coarser mobility. `cargo bench -p sim --bench trials -- soft` prints how many
+//! of these inverses soft flagella need, and `sim/docs/cost.md` has its table. The mean cost since the last new shapes
+//! decides, not the number of sweeps alone. New shapes do not help if contact causes the many sweeps.
 
 use super::key::Key;
 use super::model::Model;
@@ -28,13 +27,13 @@ use std::sync::Arc;
 
 /// Inverses kept for one shape; a ramp visits many keys, a steady trial two to ten.
 const KEPT: usize = 24;
-/// New shapes cost about as much as this many sweeps: those of a step with more sweeps than have been taken on average since
-/// the last ones, their cost included, save more than they cost.
+/// Cost of new shapes, in sweeps. New shapes save more than they cost if the present step has more sweeps than the
+/// average since the last new shapes, with their cost included.
 const RENEWAL_SWEEPS: u64 = 30;
 /// Fewer sweeps than this are no reason for new shapes: contact and the base need some with any inverse.
 const MANY_SWEEPS: u64 = 8;
 
-/// Half sweeps of a step of free motion that are no excess: a moving base takes two sweeps, and some steps three.
+/// Half sweeps of a step of free motion without excess: a moving base takes two sweeps, and some steps three.
 const ENOUGH: u64 = 5;
 /// Excess after which free motion gets new shapes, in half sweeps: about the cost of a few dense inverses.
 const LARGEST_EXCESS: u64 = 300;
@@ -49,18 +48,19 @@ pub struct Linearisation {
     sweeps: u64,
     /// Half sweeps above [`ENOUGH`] since the last contact; it falls in steps with fewer.
     excess: u64,
-    /// How often in a row an excess has chosen them: each time it must be twice as large, as new shapes may not help.
+    /// Number of times in a row that an excess has chosen them. Each time it must be twice as large, as new shapes may
+    /// not help.
     renewals: u32,
 }
 
 impl Linearisation {
-    /// About some shapes.
+    /// Returns a linearisation about these shapes.
     pub fn new(rods: [RodState; 2]) -> Self {
         Self { rods, steps: 0, sweeps: RENEWAL_SWEEPS, excess: 0, renewals: 0 }
     }
 
-    /// Records a step of some sweeps that ended with the shapes `rods`, and in free motion (`free`) goes over to them when the
-    /// sweeps were many, or a little too many for long.
+    /// Records a step that ended with the shapes `rods`. In free motion (`free`), changes to these shapes after a step
+    /// with many sweeps, or after many steps with slightly too many.
     pub fn record(&mut self, sweeps: u32, free: bool, rods: &[RodState; 2]) {
         let sweeps = u64::from(sweeps);
         self.steps += 1;
@@ -83,7 +83,7 @@ struct Kept {
     inverses: Vec<(Key, Arc<Preconditioner>)>,
 }
 
-/// Where the inverses for a shape come from.
+/// The source of the inverses for a shape.
 #[derive(Clone, Debug)]
 enum Source {
     /// The shape at rest.
@@ -119,7 +119,7 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// Without inverses of its own.
+    /// Returns a cache without inverses of its own.
     pub fn new(at_rest: InversesAtRest) -> Self {
         Self { at_rest, rods: [None, None], used: 0 }
     }
@@ -179,7 +179,7 @@ mod tests {
         State::at_rest(&rods, 1.0)
     }
 
-    /// Returns the steps with `sweeps` after which new shapes are chosen, of 3000.
+    /// Returns the steps, of 3000 with `sweeps`, after which new shapes are chosen.
     fn renewals(sweeps: impl Fn(u32) -> u32, free: bool) -> Vec<u32> {
         let mut state = at_rest();
         for rod in &mut state.rods {

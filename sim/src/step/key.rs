@@ -1,4 +1,5 @@
-//! What tells two inverses of one shape apart: the length of a step and the speed of the motor, rounded to a grid.
+//! The parameters that distinguish inverses of one shape: the length of a step and the speed of the motor, rounded to a
+//! grid.
 
 use super::preconditioner::{Equations, Preconditioner};
 use crate::rod::Rod;
@@ -8,7 +9,7 @@ const KAPPA_GRID: f64 = 1.25;
 /// Distance of neighbouring grid values of the spin, rad.
 const SPIN_GRID: f64 = 0.1;
 
-/// What an inverse depends on besides the shape, rounded to a grid.
+/// The parameters of an inverse besides the shape, rounded to a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     /// Index on the logarithmic grid of kappa.
@@ -18,7 +19,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
+    /// Returns the key for `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(kappa: f64, speed: f64) -> Self {
         let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
         Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }

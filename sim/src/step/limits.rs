@@ -1,4 +1,4 @@
-//! Lengths and forces by which contact is solved and judged.
+//! Lengths and forces for solving and judging contact.
 
 use crate::params::Robot;
 use crate::rod::Rod;
@@ -10,17 +10,17 @@ const ACTIVE_FRACTION: f64 = 30.0;
 /// Largest plausible force of a pair, in units of EI/length^2, the scale of a flagellum's buckling load. Above it the
 /// iteration has diverged.
 const LARGEST_LOADS: f64 = 2500.0;
-/// Force that the contact stiffness is made for, N: somewhat above the largest of the published robot, 0.4 N.
+/// Force for which the contact stiffness is designed, N: somewhat above the published robot's largest, 0.4 N.
 const DESIGN_FORCE: f64 = 0.5;
-/// Of robots with weak flagella it is this share of the largest force instead.
+/// For robots with weak flagella, the design force is this share of the largest force instead.
 const DESIGN_SHARE: f64 = 0.25;
-/// Share of the tolerance that the law may use up, force over stiffness; the rest is for the iteration's errors.
+/// Share of the tolerance for the law's own overlap, force over stiffness; the rest is for the iteration's errors.
 const LAW_SHARE: f64 = 0.5;
 /// Factor by which the stiffness grows when a force needs more.
 const STIFFER: f64 = 4.0;
 /// Share of the tolerance that the error of the gap law may have.
 const GAP_SHARE: f64 = 0.25;
-/// Share of the tolerance by which pairs that come close within a step may overlap before they are solved for.
+/// Share of the tolerance that pairs coming close within a step may overlap before they are solved for.
 const OVERLAP_SHARE: f64 = 0.3;
 /// Share of the tolerance by which the held closest points may be wrong.
 const HELD_SHARE: f64 = 0.5;
@@ -38,11 +38,11 @@ pub struct Limits {
     pub active_gap: f64,
     /// Largest error of the gap law in a step that counts.
     pub gap_error: f64,
-    /// Overlap of a pair found late from which on it must be solved for.
+    /// Overlap from which a pair found late must be solved for.
     pub overlap: f64,
     /// Largest error of the held closest points in a step that counts.
     pub held_error: f64,
-    /// A force from this on in one pair means that the iteration is lost.
+    /// A pair's force at or above this means that the iteration has diverged.
     pub largest_force: f64,
     /// Largest overlap by the law itself.
     law_overlap: f64,
@@ -53,7 +53,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// `rod`: either of the robot's rods.
+    /// Returns the limits of a robot. `rod`: either of its rods.
     pub fn new(robot: &Robot, rod: &Rod) -> Self {
         let (radius, tolerance) = (robot.flagellum.rod_radius_m, robot.contact.tolerance_m);
         let buckling = rod.stiffness.bend_nm2 / robot.flagellum.axial_length_m.powi(2);

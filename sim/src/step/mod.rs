@@ -28,13 +28,13 @@
 //! | `predict` | trial shapes by extrapolation |
 //! | `sweep` | flagellum 1, flagellum 2 (`flagellum`), contact (`contact`), base (`body`), again and again |
 //! | `converge` | judges each sweep: converged, another one, stalled |
-//! | `accept`, `truncation` | the checks that let the step count, its loads, its error, the new state |
+//! | `accept`, `truncation` | the checks of a solved step, its loads, its error, the new state |
 //!
-//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
-//! the shapes they are built at, `rest` shares those at rest, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
-//! contact, and `crate::anderson` accelerates slow iterations. `model` is what never
-//! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
-//! unstable at every step.
+//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, stored as `panels` or `factors`.
+//! `inverses` chooses the shapes for them, `rest` shares the inverses at rest, `corotated` adapts them to a flagellum
+//! that has moved, and `compliance` derives the response to contact from them. `crate::anderson` accelerates slow
+//! iterations. `model` has the constant data of a robot. The flow between the rods and the base's rate are inside the
+//! iteration: extrapolating either is unstable at every step.
 //!
 //! # Where the time goes
 //!

@@ -27,13 +27,15 @@ pub struct Model {
     pub feet: [V3; 2],
     /// The base on its joint.
     pub base: RigidBase,
-    /// Its head, where that is a body in the flow.
+    /// Its head, if it is a body in the flow.
     pub head: Option<RigidSurface>,
     /// Lengths and limits of contact.
     pub limits: Limits,
 }
 
 impl Model {
+    /// Checks the parameters and prepares the robot.
+    ///
     /// # Errors
     /// A parameter that is impossible.
     pub fn new(robot: &Robot, closure: Closure, rods: [Rod; 2]) -> Result<Self, ParamError> {
@@ -58,12 +60,12 @@ impl Model {
         self.closure.two_way()
     }
 
-    /// Returns whether the flagella's net weight acts on the base. The printed equations have none.
+    /// Returns whether the flagella's net weight acts on the base. The printed equations leave it out.
     pub fn weight_on_base(&self) -> bool {
         self.robot.base.flagella_weight_on_base && self.closure != Closure::Paper
     }
 
-    /// Returns the radius of a flagellum, m: of its helix, or of its rod where that is thicker.
+    /// Returns the radius of a flagellum, m: the larger one of its helix and its rod.
     pub fn radius(&self) -> f64 {
         self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m)
     }
@@ -78,12 +80,12 @@ impl Model {
         Surroundings::new(&self.robot, self.head.as_ref(), &lines)
     }
 
-    /// Returns the motion of the clamps: that of the body, or none with a one-way closure.
+    /// Returns the motion of the clamps: the body's, or none with a one-way closure.
     pub fn flagella_base(&self, body: &Body) -> Body {
         if self.two_way() { *body } else { Body::default() }
     }
 
-    /// Returns the unit vector down in the body frame; on a base that is held for its flagella, along its axis.
+    /// Returns the downward unit vector in the body frame; with a one-way closure it points along the base's axis.
     pub fn down(&self, body: &Body) -> V3 {
         if self.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
     }

@@ -13,7 +13,7 @@ pub struct Panels {
 }
 
 impl Panels {
-    /// From a square matrix, row by row.
+    /// Returns the panels of a square matrix, given row by row.
     pub fn new(matrix: &[f64], size: usize) -> Self {
         let panels = size.div_ceil(PANEL);
         let mut values = vec![0.0; panels * PANEL * size];
@@ -28,8 +28,8 @@ impl Panels {
         Self { size, values }
     }
 
-    /// `out` = matrix times each of `vectors`, which stand one after the other, as the results do, each with
-    /// its padding: see [`Panels::padded`].
+    /// Writes the matrix times each of `vectors` to `out`. Vectors follow one another, and so do results, each with its
+    /// padding: see [`Panels::padded`].
     pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
         let (size, padded) = (self.size, Self::padded(self.size));
         let arch = Arch::new();
@@ -43,13 +43,13 @@ impl Panels {
         }
     }
 
-    /// Length of a result with its padding.
+    /// Returns the length of a result with its padding.
     pub fn padded(size: usize) -> usize {
         size.div_ceil(PANEL) * PANEL
     }
 }
 
-/// A product with `K` vectors, each with more than one sum a row where registers allow: it hides latency.
+/// A product with `K` vectors. Where registers allow, a row has more than one sum, which hides latency.
 struct Product<'a, const K: usize> {
     panels: &'a Panels,
     vectors: &'a [f32],

@@ -5,8 +5,8 @@
 //! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
-//! [`Equations`] has what depends on the shape, M w^-1 K first of all; [`Preconditioner`] is the inverse for one time step.
-//! [`super::inverses`] chooses the shape.
+//! [`Equations`] has the parts that depend on the shape, mainly M w^-1 K; [`Preconditioner`] is the inverse for one
+//! time step. [`super::inverses`] chooses the shape.
 
 use super::factors::Factors;
 use super::panels::Panels;
@@ -30,20 +30,20 @@ pub struct FluidParams {
 }
 
 impl FluidParams {
-    /// Those of a robot.
+    /// Returns the parameters of a robot.
     pub fn new(robot: &Robot) -> Self {
         Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: robot.spin_drag() }
     }
 }
 
-/// Largest number of rows (79 edges) whose factors are good enough in single precision: the stretch's share of the matrix
-/// grows as the square of the number of edges.
+/// Largest number of rows (79 edges) for which factors in single precision are accurate enough: the stretch's share of
+/// the matrix grows as the square of the number of edges.
 const LARGEST_FACTORED: usize = 320;
 
 /// How often an inverse is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Use {
-    /// For hundreds of steps: it is worth a dense inverse, the fastest in use.
+    /// For hundreds of steps: it is worth a dense inverse, the fastest to apply.
     Lasting,
     /// For some steps: its factors cost a sixth of a dense inverse.
     Passing,
@@ -63,13 +63,13 @@ pub struct Preconditioner {
 #[derive(Clone, Debug)]
 enum Inverse {
     Dense(Panels),
-    /// Of the matrix with the columns of the clamp first: its pivots are blocks of neighbours.
+    /// Of the matrix with the clamp's columns first, so that its pivots are blocks of neighbouring nodes.
     Factored(Factors),
 }
 
 impl Preconditioner {
-    /// `out` = the inverse times each of `vectors`, which stand one after the other, as the results do, each with its
-    /// padding: see [`Panels::padded`].
+    /// Writes the inverse times each of `vectors` to `out`. Vectors follow one another, and so do results, each with
+    /// its padding: see [`Panels::padded`].
     pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
         match &self.inverse {
             Inverse::Dense(panels) => panels.multiply(vectors, out),
@@ -78,7 +78,7 @@ impl Preconditioner {
     }
 }
 
-/// Puts the solutions for vectors of `size` rows, which stand one after the other, into `out`, each with its padding.
+/// Writes the solutions for vectors of `size` rows to `out`, one after the other, each with its padding.
 fn solve(factors: &Factors, vectors: &[f32], size: usize, out: &mut [f32]) {
     let padded = Factors::padded(size);
     let mut work = vec![0.0; vectors.len() / size * padded];
@@ -93,7 +93,7 @@ fn solve(factors: &Factors, vectors: &[f32], size: usize, out: &mut [f32]) {
     }
 }
 
-/// The equations of a rod linearised about a shape, but for time step and speed.
+/// The equations of a rod linearised about a shape, before a time step and a speed are chosen.
 #[derive(Clone, Debug)]
 pub struct Equations {
     nodes: Vec<V3>,
@@ -215,7 +215,7 @@ impl Equations {
         matrix
     }
 
-    /// `solve`: the inverse times a vector.
+    /// Returns the response to a moving base. `solve`: the inverse times a vector.
     fn response(&self, rod: &Rod, solve: impl Fn(&[f64]) -> Vec<f64>, kappa: f64) -> Matrix6<f64> {
         let n = rod.nodes();
         let free = n - CLAMPED;
@@ -271,8 +271,8 @@ impl Equations {
 /// Segments up to this many edges away from a node are integrated exactly in a coarse mobility.
 const NEAR_EDGES: usize = 2;
 
-/// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends: that is good
-/// to some per cent of their part, less than what the shape changes while the inverse serves.
+/// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends. The error
+/// is some per cent of the far part, less than the effect of the changing shape while the inverse is in use.
 fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> DMatrix<f64> {
     let (n, factor, e2) = (nodes.len(), stokeslet_factor(fluid.viscosity), fluid.epsilon * fluid.epsilon);
     let half: Vec<f64> = nodes.windows(2).map(|p| 0.5 * (p[1] - p[0]).norm()).collect();
@@ -303,7 +303,7 @@ fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> DMatrix<f64> {
     mobility
 }
 
-/// Column of a free degree of freedom (four slots a node), `None` for clamped or unused ones.
+/// Returns the column of a free degree of freedom (four slots a node), `None` for clamped or unused ones.
 fn unknown_of(slot: usize, n: usize) -> Option<usize> {
     let (node, part) = (slot / 4, slot % 4);
     if part == 3 {
@@ -313,7 +313,8 @@ fn unknown_of(slot: usize, n: usize) -> Option<usize> {
     }
 }
 
-/// Scale of the torque rows, rad/(N m): a torque residual becomes the twist of an edge that it makes.
+/// Returns the scale of the torque rows, rad/(N m): it converts a torque residual to the twist of an edge that it
+/// causes.
 pub fn torque_scale(rod: &Rod) -> f64 {
     rod.rest_length[0] / rod.stiffness.twist_nm2
 }

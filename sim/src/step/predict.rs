@@ -11,7 +11,7 @@ const LENGTH_RANGE: [f64; 2] = [0.5, 2.0];
 
 /// Sets the trial shape of flagellum `k` by extrapolation, and the past's part of its time formula.
 ///
-/// Directions and lengths of edges are extrapolated apart from each other: the stretch is the stiff part.
+/// Directions and lengths of edges are extrapolated separately: the stretch is the stiff part.
 pub fn predict(flagellum: &mut Flagellum, rod: &Rod, k: usize, state: &State, step: &TimeStep) {
     let past = |j: usize| -> &Shape { if j == 0 { &state.rods[k].shape } else { &state.past[j - 1].shapes[k] } };
     let a = &step.rods[k].derivative;

@@ -1,4 +1,4 @@
-//! One step's problem: what its sweeps are given, and how its parts act on each other.
+//! One step's problem: the inputs of its sweeps, and how its parts act on each other.
 
 use super::flagellum::{Flagellum, Kinematics};
 use super::model::Model;
@@ -8,7 +8,7 @@ use super::time_step::TimeStep;
 use crate::V3;
 use crate::body::Body;
 
-/// What stays the same in all sweeps of a step.
+/// The data that stay the same in all sweeps of a step.
 #[derive(Clone, Copy)]
 pub struct StepProblem<'a> {
     /// The robot.

@@ -47,7 +47,7 @@ pub struct StepReport {
     /// Velocity residual before the last update, m/s.
     pub residual: f64,
     /// Estimated error of the time formula, m: displacement of the flagella against the fluid, root mean square. Zero for the
-    /// first steps from rest, whose past has too few points to tell.
+    /// first steps from rest, whose past has too few points for an estimate.
     pub error: f64,
     /// Number of pairs that press.
     pub touching: u32,
@@ -55,8 +55,8 @@ pub struct StepReport {
     pub largest_force: f64,
     /// Loads of the fluid on the clamps, body axes.
     pub fluid: [Load; 2],
-    /// Load of the fluid on the head where that is a body in the flow, body axes. With a one-way closure it is that of a head
-    /// held still.
+    /// Load of the fluid on a head that is a body in the flow, body axes. With a one-way closure the head is held
+    /// still.
     pub head: Load,
     /// Loads of contact on the clamps, body axes.
     pub contact: [Load; 2],

@@ -1,8 +1,8 @@
 //! Inverses at rest, which solvers of equal flagella may share.
 //!
 //! The trials of a map are trials of one robot, and a short trial or a search for a steady state spends a tenth of its
-//! time on inverses at rest. They depend on the flagellum, the fluid and their [`Key`] alone, so it does not matter to a
-//! result which trial has built them. Whoever runs many trials has one [`InversesAtRest`] for all of them.
+//! time on inverses at rest. They depend on the flagellum, the fluid and their [`Key`] alone, so results are the same
+//! whichever trial built them. A program with many trials has one [`InversesAtRest`] for all of them.
 
 use super::key::Key;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
@@ -14,7 +14,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const FLAGELLA: usize = 4;
 /// Inverses kept for one flagellum: the published map needs 55.
 const KEPT: usize = 64;
-/// Most nodes of a flagellum that is shared. With more the inverses take too much memory (0.4 MB each for 80 nodes).
+/// Largest number of nodes of a shared flagellum. With more nodes, inverses take too much memory (0.4 MB each for 80
+/// nodes).
 const LARGEST: usize = 80;
 
 /// The last flagella, the latest one first. A clone is the same list, also on another thread.
@@ -32,7 +33,7 @@ pub struct Rest {
 }
 
 impl InversesAtRest {
-    /// Returns the inverses of a rod in this state, at rest: those of an equal one, if there is one.
+    /// Returns the inverses of a rod in this state, at rest. Equal rods share them.
     pub(super) fn of(&self, rod: &Rod, at: &RodState, fluid: FluidParams) -> Arc<Rest> {
         let same = |rest: &Arc<Rest>| rest.rod == *rod && rest.fluid == fluid && rest.at == *at;
         let known = |all: &mut Vec<Arc<Rest>>| {
@@ -43,7 +44,7 @@ impl InversesAtRest {
         if let Some(rest) = known(&mut lock(&self.0)) {
             return rest;
         }
-        // Not under the lock, so another thread may be faster.
+        // Built without the lock, so another thread may finish first.
         let equations = Equations::new(rod, at, fluid, Use::Lasting);
         let rest = Arc::new(Rest { rod: rod.clone(), fluid, at: at.clone(), equations, inverses: Mutex::default() });
         if rod.nodes() > LARGEST {
@@ -66,7 +67,7 @@ impl Rest {
         if let Some(inverse) = known(&lock(&self.inverses)) {
             return Some(inverse);
         }
-        // Not under the lock, so another thread may be faster.
+        // Built without the lock, so another thread may finish first.
         let inverse = Arc::new(key.invert(&self.equations, &self.rod)?);
         if self.rod.nodes() > LARGEST {
             return Some(inverse);
@@ -82,7 +83,7 @@ impl Rest {
     }
 }
 
-/// Locks it, also after a panic of another thread: what is inside is whole at any time.
+/// Locks a mutex, also after a panic of another thread: its contents are consistent at any time.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -17,7 +17,8 @@ use crate::params::Closure;
 use crate::params::{ParamError, Robot, SolverSettings};
 use crate::rod::Rod;
 
-/// Solves steps of one robot with one closure. It remembers nothing that changes a result: all of that is in [`State`].
+/// Solves steps of one robot with one closure. It remembers nothing that changes a result: [`State`] holds all such
+/// data.
 #[derive(Clone, Debug)]
 pub struct Solver {
     model: Model,
@@ -34,7 +35,7 @@ impl Solver {
         Self::sharing(robot, closure, &InversesAtRest::default())
     }
 
-    /// The same with inverses at rest that other solvers use, too.
+    /// Checks and prepares a robot with inverses at rest that other solvers use, too.
     ///
     /// # Errors
     /// A parameter that is impossible.
@@ -47,8 +48,8 @@ impl Solver {
         Ok(Self::from_model(Model::new(robot, closure, rods)?, at_rest.clone()))
     }
 
-    /// The same with flagella of other shapes than the parameters' helices, in their shaft frames; rods of one
-    /// handedness must be the same.
+    /// Checks and prepares a robot with flagella of other shapes than the parameters' helices, in their shaft frames;
+    /// rods of one handedness must be equal.
     ///
     /// # Errors
     /// A parameter that is impossible.
@@ -65,7 +66,7 @@ impl Solver {
         State::at_rest(&self.model.rods, self.model.limits.stiffness())
     }
 
-    /// Returns the robot, prepared.
+    /// Returns the prepared robot.
     pub fn model(&self) -> &Model {
         &self.model
     }
@@ -93,7 +94,7 @@ impl Solver {
         self.sweeps.contacts.least_distance(&lines)
     }
 
-    /// Tries a step. On failure the state is as it was.
+    /// Tries a step. On failure the state is unchanged.
     ///
     /// # Errors
     /// Any [`StepFailure`]; a shorter step may succeed.

@@ -25,7 +25,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The stress-free shape.
+    /// Returns the stress-free shape.
     pub fn at_rest(rod: &Rod) -> Self {
         Self { nodes: rod.shape.clone(), angles: vec![0.0; rod.edges()], clamp_density: [V3::zeros(); CLAMPED] }
     }
@@ -107,8 +107,9 @@ impl State {
 
     /// Turns the whole robot about the joint like a rigid body. `rotation`: rotation vector in world axes, rad.
     ///
-    /// Motors, strains and velocities in body axes stay as they are. The earlier steps turn too, so the time formulas go
-    /// on without a corner. Only what depends on the vertical changes: weight, righting moment and the twist of the tether.
+    /// Motors, strains and velocities in body axes do not change. The earlier steps turn too, so the time formulas
+    /// continue smoothly. Only quantities that depend on the vertical change: weight, righting moment and the twist of
+    /// the tether.
     pub fn turn(&mut self, rotation: V3) {
         let turn = UnitQuaternion::from_scaled_axis(rotation);
         for past in &mut self.past {

@@ -1,14 +1,14 @@
 //! The flow between the flagella and the other bodies in the fluid: the rigid head and the walls of the tank.
 //!
-//! The forces of the head's points on the fluid are F = R (u_rigid - u), with the resistance R of [`RigidSurface`], the velocity
-//! of the rigid body at its points and the flow u of the flagella there. Their own flow acts on the flagella's nodes, and
-//! their sum on the base. All of it belongs to the iteration of a step, which updates it once a sweep.
+//! The forces of the head's points on the fluid are F = R (u_rigid - u), with the resistance R of [`RigidSurface`], the
+//! velocity u_rigid of the rigid body at its points and the flow u of the flagella there. The flow of these forces acts
+//! on the flagella's nodes, their sum on the base. Every sweep of a step updates them once.
 //!
 //! A tank adds the flow of the images of all these forces ([`crate::fluid::tank`]), at the flagella and at the head.
 //!
-//! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of
-//! edges act on it as one point force each, the longer the farther away. In both directions it has the regularisation
-//! of the flagella, with which a line represents a round rod, so the coupling is reciprocal.
+//! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: each group of
+//! edges acts on it as one point force, and groups are longer the farther away they are. Both directions use the
+//! regularisation of the flagella, with which a line represents a round rod, so the coupling is reciprocal.
 
 use crate::V3;
 use crate::body::Body;
@@ -22,13 +22,14 @@ use crate::params::Robot;
 use nalgebra::Matrix3;
 use std::ops::Range;
 
-/// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
+/// Largest length of a group of edges over its distance from the head, unless the group is a single edge.
 const GROUP_LENGTH: f64 = 0.25;
 
-/// Error of the head's forces, relative, below which they agree with the images of all forces, in tolerances of the solver.
+/// Relative error of the head's forces below which they agree with the images of all forces, in tolerances of the
+/// solver.
 const AGREED: f64 = 0.05;
-/// Exchanges between the head's forces and the images in a sweep, at most: each leaves the share of the head's width in the
-/// distance of the walls.
+/// Largest number of exchanges between the head's forces and the images in a sweep. Each leaves a share of the error:
+/// the head's width over the distance of the walls.
 const EXCHANGES: u32 = 10;
 
 /// The head, the tank, and their flow at the flagella.
@@ -46,13 +47,13 @@ pub struct Surroundings {
     flow: Vec<V3>,
     epsilon: f64,
     factor: f64,
-    /// [`AGREED`], of the robot's tolerance.
+    /// [`AGREED`] times the robot's tolerance.
     agreed: f64,
-    /// Share of the error that an exchange between head and images leaves, as seen in the step.
+    /// Share of the error that an exchange between head and images leaves, as measured in the step.
     left: f64,
 }
 
-/// The head and what changes about it.
+/// The head, with its changing forces and flow.
 #[derive(Clone, Debug)]
 struct HeadFlow {
     surface: RigidSurface,
@@ -72,7 +73,7 @@ struct HeadFlow {
 }
 
 impl Surroundings {
-    /// For a robot and its head. `at_rest`: nodes of the flagella in the body frame, m.
+    /// Returns the surroundings in a robot's fluid. `at_rest`: nodes of the flagella in the body frame, m.
     pub fn new(robot: &Robot, head: Option<&RigidSurface>, at_rest: &[Vec<V3>]) -> Self {
         let precision = robot.solver.far_field;
         let count = at_rest.iter().map(Vec::len).sum();
@@ -146,7 +147,8 @@ impl Surroundings {
                     head.respond(&[], body.rate, self.factor);
                 }
                 Some(tank) => {
-                    // Until they agree: a flow that depended on earlier sweeps would spoil their acceleration.
+                    // Until they agree: a flow that depended on earlier sweeps would spoil the acceleration of the
+                    // sweeps.
                     let mut last = None;
                     for _ in 0..EXCHANGES {
                         tank.respond(&head.forces, &body.attitude);
@@ -187,8 +189,8 @@ impl Surroundings {
         self.head.as_ref().map_or(Load::default(), |head| head.load)
     }
 
-    /// Returns the moment (N m) on the head by the flow of everything else. The moment by the head's own rotation is
-    /// not included; [`crate::body::joint::RigidBase`] has it.
+    /// Returns the moment (N m) on the head from the flow of everything else. The moment from the head's own rotation
+    /// is not included; [`crate::body::joint::RigidBase`] has it.
     pub fn induced_moment(&self) -> V3 {
         self.head.as_ref().map_or(V3::zeros(), |head| head.load.moment + head.drag * head.rate)
     }
@@ -202,7 +204,7 @@ impl HeadFlow {
     }
 
     /// Updates the forces on the fluid in the flow of the flagella and of the `images` (m/s at the points, empty without a tank).
-    /// `rate`: angular velocity of the base. Returns the change of the forces, relative.
+    /// `rate`: angular velocity of the base. Returns the relative change of the forces.
     fn respond(&mut self, images: &[V3], rate: V3, factor: f64) -> f64 {
         let points = &self.surface.points;
         for (i, x) in points.iter().enumerate() {
@@ -254,7 +256,8 @@ fn groups(line: &[V3], points: &[V3]) -> Vec<Range<usize>> {
     groups
 }
 
-/// Adds each group of a line's edges as one force in its middle, and edges alone, which are close, as two.
+/// Adds each group of a line's edges as one force in its middle. Single edges are close to the head and become two
+/// forces.
 fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
     for group in groups {
         if group.len() == 1 {

@@ -14,7 +14,7 @@ use crate::body::Body;
 use crate::fluid::Line;
 use crate::fluid::far::Sources;
 
-/// The sweep that looks for new pairs: after the first one the shapes are nearly right.
+/// Index of the sweep that looks for new pairs: after the first one the shapes are nearly right.
 const SEARCH_SWEEP: u32 = 1;
 
 /// Trial shapes and contacts of a step, and the memory of their iteration.
@@ -24,14 +24,14 @@ pub struct Sweeps {
     pub flagella: [Flagellum; 2],
     /// The pairs and their forces.
     pub contacts: Contacts,
-    /// Head and walls, and the flow of them.
+    /// Head and walls, and their flow.
     pub surroundings: Surroundings,
-    /// Both flagella in the body frame, as the surroundings see them.
+    /// Both flagella in the body frame, for the surroundings.
     lines: Vec<Line>,
     /// Far field of both flagella.
     sources: Sources,
     anderson: Anderson,
-    /// Weights of the unknowns, made when they are needed.
+    /// Weights of the unknowns, computed on demand.
     weights: Vec<f64>,
 }
 
@@ -45,7 +45,7 @@ pub struct Converged {
 }
 
 impl Sweeps {
-    /// Flagella at rest without contact.
+    /// Returns flagella at rest without contact.
     pub fn new(model: &Model) -> Self {
         Self {
             flagella: [0, 1].map(|k| Flagellum::new(&model.robot, &model.rods[k])),
@@ -72,7 +72,7 @@ impl Sweeps {
             }
             let contact = !self.contacts.pairs.is_empty();
             let before = (contact || sweep > 0).then(|| self.unknowns(body));
-            // The residual of this sweep sees the change.
+            // The residual of this sweep includes the change.
             let flow_change = if sweep > 0 { self.update_surroundings(problem, &body.body) } else { 0.0 };
             let motion = problem.kinematics(body.body.rate);
 
@@ -112,7 +112,7 @@ impl Sweeps {
         Err(convergence.failure())
     }
 
-    /// Everything that the first sweep needs of the predicted shapes.
+    /// Prepares the first sweep at the predicted shapes.
     fn begin(&mut self, problem: &StepProblem, body: &mut BodySolve) {
         for flagellum in &mut self.flagella {
             flagellum.assemble_near();
@@ -138,7 +138,7 @@ impl Sweeps {
     }
 
     /// Corrects one rod after the other, each in the flow of the other's latest shape. Returns the larger residual
-    /// before the corrections, m/s. `lever`: velocity that a twist error of one radian counts for, m/s.
+    /// before the corrections, m/s. `lever`: velocity equivalent to a twist error of one radian, m/s.
     fn sweep_rods(&mut self, problem: &StepProblem, motion: &[Kinematics; 2], body: &BodySolve, lever: f64) -> f64 {
         let shafts = &problem.step.shafts;
         let contact = !self.contacts.pairs.is_empty();
@@ -153,7 +153,7 @@ impl Sweeps {
             residual = residual.max(size);
             flagellum.precondition(problem.inverses[k]);
             flagellum.apply_correction();
-            // With contact, forces are updated after its half of the sweep.
+            // With contact, forces are updated after the contact's half of the sweep.
             if !contact {
                 problem.update_forces(flagellum, k, &body.body);
             }
@@ -161,8 +161,8 @@ impl Sweeps {
         residual
     }
 
-    /// Updates the surroundings with the flagella's latest forces, and their flow at the flagella. Returns its largest change,
-    /// m/s.
+    /// Updates the surroundings with the flagella's latest forces, and their flow at the flagella. Returns the flow's
+    /// largest change, m/s.
     fn update_surroundings(&mut self, problem: &StepProblem, body: &Body) -> f64 {
         if self.surroundings.is_empty() {
             return 0.0;
@@ -189,7 +189,7 @@ impl Sweeps {
         }
     }
 
-    /// Gives the flagella the surroundings' flow at their nodes.
+    /// Copies the surroundings' flow at the nodes to the flagella.
     fn read_flow(&mut self, problem: &StepProblem) {
         let mut flow = self.surroundings.flow().iter();
         for (flagellum, shaft) in self.flagella.iter_mut().zip(&problem.step.shafts) {
@@ -210,8 +210,8 @@ impl Sweeps {
         unknowns::pack(&self.flagella, body, &self.contacts.pairs)
     }
 
-    /// Records a sweep and, where the iteration is slow, replaces its result by a combination of the last ones. Returns
-    /// whether it did.
+    /// Records a sweep and, if the iteration is slow, replaces its result by a combination of the last iterates.
+    /// Returns whether it did.
     fn accelerate(&mut self, problem: &StepProblem, before: &[f64], body: &mut BodySolve, slow: bool) -> bool {
         let (model, step) = (problem.model, problem.step);
         let after = self.unknowns(body);

@@ -1,11 +1,11 @@
-//! What is known of a step before it is solved: times, time formulas, motor angles and shafts.
+//! The data of a step before it is solved: times, time formulas, motor angles and shafts.
 
 use super::formula::{POINTS, derivative, error_share, value_at};
 use super::state::State;
 use crate::V3;
 use crate::body::shaft::{MotorState, Shaft};
 
-/// A step that is tried.
+/// A step to try.
 #[derive(Clone, Copy, Debug)]
 pub struct Attempt {
     /// Its length, s.
@@ -14,9 +14,10 @@ pub struct Attempt {
     pub motors: [MotorState; 2],
     /// Earlier points that the prediction may use, at most [`POINTS`].
     pub prediction_points: usize,
-    /// Whether its frozen inverses are built at the predicted shapes, where rods are about to buckle. They are kept.
+    /// Whether its frozen inverses are built at the predicted shapes, for rods that are about to buckle. If the step
+    /// succeeds, the next ones keep these shapes.
     pub own_inverses: bool,
-    /// Largest estimated error, m, with which it counts.
+    /// Largest estimated error of an accepted step, m.
     pub allowed_error: f64,
 }
 
@@ -27,7 +28,7 @@ pub struct Weights {
     pub derivative: [f64; POINTS],
     /// Of the prediction: the past, newest first.
     pub prediction: [f64; POINTS],
-    /// Of the extrapolation that the error is estimated by: the past, newest first.
+    /// Of the extrapolation for the error estimate: the past, newest first.
     pub extrapolation: [f64; POINTS],
     /// Error of the new point over its distance from the extrapolation.
     pub error_share: f64,
@@ -48,7 +49,7 @@ pub struct TimeStep {
     pub points: usize,
     /// Points of the prediction.
     pub prediction_points: usize,
-    /// Points of the extrapolation: all that there are.
+    /// Points of the extrapolation: all available ones.
     pub past_points: usize,
     /// Weights for each rod, fitted to the speed of its own motor.
     pub rods: [Weights; 2],
@@ -57,7 +58,7 @@ pub struct TimeStep {
 }
 
 impl TimeStep {
-    /// `feet`: feet of the shafts, body frame, m.
+    /// Returns the step of an attempt. `feet`: feet of the shafts, body frame, m.
     pub fn new(state: &State, feet: &[V3; 2], attempt: &Attempt) -> Self {
         let Attempt { length, motors, .. } = *attempt;
         let time = state.time + length;

@@ -1,15 +1,17 @@
-//! The estimated error of a step's time formula, by which the length of steps is chosen.
+//! The estimated error of a step's time formula, which decides the length of steps.
 //!
 //! The new shape and attitude are compared with the extrapolation of the past in the formula's own basis; a known share
-//! of the difference is the formula's error ([`super::formula::error_share`]). The error of a node is that of the rod's
-//! shape in its shaft frame and that of the attitude, which carries the whole rod: a displacement against the fluid.
+//! of the difference is the formula's error ([`super::formula::error_share`]). The error of a node is the sum of the
+//! errors of the rod's shape in its shaft frame and of the attitude, which carries the whole rod: a displacement
+//! against the fluid.
 //!
-//! Why a displacement: without inertia, loads on the clamps follow velocities against the fluid. A displacement by error
-//! is an impulse of the fluid's drag, and the error of a mean load over a window is the sum of the impulses of its steps
-//! over the window's length. The sum is least for its number of steps when each adds the same. So the displacement of a
-//! step, not its quotient by the step, is what the control of steps holds to a bound, and the few steps in which flagella
-//! snap past each other may be much shorter than the others. The root mean square over all nodes bounds the mean
-//! displacement, which gives the force, and with the lever of the flagellum the moment that tilts the base.
+//! Why a displacement: without inertia, loads on the clamps follow velocities against the fluid. An erroneous
+//! displacement is an impulse of the fluid's drag. The error of a mean load over a window is the sum of the impulses of
+//! its steps over the window's length. For a given number of steps, the sum is least when each step adds the same. So
+//! the step control bounds the displacement of a step, not the displacement over the step's length, and the few steps
+//! in which flagella snap past each other may be much shorter than the others. The root mean square over all nodes
+//! bounds the mean displacement, which gives the force, and with the lever of the flagellum the moment that tilts the
+//! base.
 
 use super::flagellum::Flagellum;
 use super::formula::POINTS;
@@ -19,7 +21,7 @@ use crate::body::Body;
 use crate::body::attitude::rotation_between;
 
 /// Returns the estimated error of a step, m: displacement of the nodes against the fluid, root mean square over both rods;
-/// zero where the past has too few points to tell. `next`: the base at its end.
+/// zero if the past has too few points for an estimate. `next`: the base at its end.
 pub fn error(flagella: &[Flagellum; 2], problem: &StepProblem, next: &Body) -> f64 {
     let StepProblem { state, step, .. } = problem;
     if step.past_points < POINTS {

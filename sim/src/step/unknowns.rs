@@ -1,6 +1,7 @@
 //! All unknowns of a step in one vector, for the acceleration of the iteration.
 //!
-//! Edge lengths stand beside the nodes: a combination of iterates acts on directions and lengths apart.
+//! Edge lengths are entries of their own beside the nodes: a combination of iterates acts on directions and lengths
+//! separately.
 
 use super::body::BodySolve;
 use super::flagellum::Flagellum;
@@ -9,9 +10,9 @@ use crate::V3;
 use crate::contact::pairs::Pair;
 use crate::rod::CLAMPED;
 
-/// Displacement that an edge's angle of one radian counts for, in radii of the helix.
+/// Displacement equivalent to an edge's angle of one radian, in radii of the helix.
 const TWIST_WEIGHT: f64 = 0.3;
-/// Displacement for a change of the clamp's force density of 1 N/m: this times the step over the viscosity.
+/// Displacement equivalent to a change of the clamp's force density by 1 N/m: this times the step over the viscosity.
 const DENSITY_WEIGHT: f64 = 0.1;
 /// Distance from the joint at which the base's rate counts as a velocity, m: about the flagella's length.
 const RATE_WEIGHT: f64 = 0.2;
@@ -32,8 +33,8 @@ pub fn pack(flagella: &[Flagellum; 2], body: &BodySolve, pairs: &[Pair]) -> Vec<
     out
 }
 
-/// Returns weights that make the unknowns of a step of `length` s comparable, in m a unit. Forces follow from the rest and
-/// have none.
+/// Returns weights that make the unknowns of a step of `length` s comparable, in m per unit. Forces follow from the
+/// other unknowns and have weight zero.
 pub fn weights(model: &Model, length: f64, pairs: usize) -> Vec<f64> {
     let mut out = Vec::new();
     let twist = TWIST_WEIGHT * model.radius();
@@ -49,7 +50,7 @@ pub fn weights(model: &Model, length: f64, pairs: usize) -> Vec<f64> {
     out
 }
 
-/// Sets the unknowns; the base's rate only where it is one.
+/// Sets the unknowns; the base's rate only if it is one.
 pub fn unpack(values: &[f64], two_way: bool, flagella: &mut [Flagellum; 2], body: &mut BodySolve, pairs: &mut [Pair]) {
     let mut values = values.iter().copied();
     let mut next = || values.next().unwrap_or(0.0);

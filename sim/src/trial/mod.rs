@@ -14,7 +14,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A trial keeps the states of a window and twelve means in a turn of the faster motor, of at most
+//! A trial keeps the states of one window, and twelve means per turn of the faster motor over at most
 //! [`crate::trial::means::STRETCH`].
 //!
 //! If the motors are outside of the simulator, for instance those of an emulated board, their speeds are not known in
@@ -87,7 +87,7 @@ pub struct Summary {
     pub first_contact_s: Option<f64>,
     /// The closest state that the flagella reached.
     pub bundling: Bundling,
-    /// Steps taken; for a steady state that is solved for, with those of the search.
+    /// Steps taken, including the search if the steady state is solved for.
     pub steps: u64,
     /// Sweeps of all accepted steps, likewise.
     pub sweeps: u64,
@@ -95,7 +95,7 @@ pub struct Summary {
     pub step_error_m: f64,
 }
 
-/// A checkpoint: everything besides the parameters on which the rest of a trial depends.
+/// A checkpoint: all data besides the parameters that determine the rest of a trial.
 ///
 /// A restored trial gives the same bits as the uninterrupted one if the file format keeps every bit of a number. JSON
 /// by serde_json with the feature `float_roundtrip` does.
@@ -141,7 +141,7 @@ fn overlap(gap: f64) -> f64 {
     (-gap).max(0.0)
 }
 
-/// Returns the angles of the helices where their motors are at zero, rad.
+/// Returns the angles of the helices at zero motor angle, rad.
 fn phase(solver: &Solver) -> [f64; 2] {
     solver.model().robot.flagellum.phase_deg.map(f64::to_radians)
 }
@@ -150,7 +150,7 @@ fn phase(solver: &Solver) -> [f64; 2] {
 const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
 impl Trial {
-    /// Robot upright and at rest at the start of the profile.
+    /// Returns a trial with the robot upright and at rest at the start of the profile.
     ///
     /// # Errors
     /// An impossible parameter or rate.
@@ -158,13 +158,13 @@ impl Trial {
         Self::with_solver(Solver::new(robot, closure)?, profile, options)
     }
 
-    /// The same with a given solver.
+    /// Returns the same trial with a given solver.
     pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
         Self::begin(solver, profile, options, DenseOutput::default())
     }
 
-    /// An open trial: robot upright and at rest at time 0, with motors that [`Trial::extend`] sets. `reach`: how far behind
-    /// the last step [`Trial::at`] has values, s.
+    /// Returns an open trial: robot upright and at rest at time 0, with motors that [`Trial::extend`] sets. `reach`:
+    /// time before the last step for which [`Trial::at`] has values, s.
     pub fn open(robot: &Robot, closure: Closure, options: Options, reach: f64) -> Result<Self, ParamError> {
         Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, DenseOutput::reaching(reach))
     }
@@ -177,7 +177,7 @@ impl Trial {
                 reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
             });
         }
-        // The solver's motors turn the helices themselves: their angles have the phase, those of samples do not.
+        // The solver's motor angles are the angles of the helices: they include the phase, unlike those of samples.
         let profile = profile.from_angles(phase(&solver));
         let mut state = solver.at_rest();
         state.time = profile.start();
@@ -187,8 +187,8 @@ impl Trial {
         Ok(trial)
     }
 
-    /// Returns the trial that follows this one over another profile, which starts where this one ended, from this state.
-    /// Results and samples are those of the new profile alone.
+    /// Returns the trial that continues this one from a state over another profile, which starts where this one ended.
+    /// Its results and samples cover the new profile alone.
     pub(crate) fn followed_by(self, profile: SpeedProfile, state: State) -> Self {
         let profile = profile.from_angles(phase(&self.solver));
         let last = self.progress.dense.newest().copied();
@@ -202,15 +202,15 @@ impl Trial {
         trial
     }
 
-    /// Returns the trial whose steady state is that of values collected before it, too.
+    /// Returns the trial with values collected before it added to its steady state.
     pub(crate) fn with_collected(mut self, mut collected: SteadyCollector) -> Self {
-        // The first step of a collector that begins here is from this state.
+        // A collector without values starts with the state at the start of this trial.
         collected.begin_with(&self.progress.steady);
         self.progress.steady = collected;
         self
     }
 
-    /// Returns the trial whose steps and sweeps include these, which were taken before it.
+    /// Returns the trial with these earlier steps and sweeps added to its own.
     pub(crate) fn with_spent(mut self, before: &Totals) -> Self {
         self.progress.summary.steps += before.steps;
         self.progress.summary.sweeps += before.sweeps;
@@ -222,7 +222,7 @@ impl Trial {
         &self.progress.summary
     }
 
-    /// Returns what the steady state is computed from.
+    /// Returns the values for the steady state.
     pub(crate) fn collected(&self) -> &SteadyCollector {
         &self.progress.steady
     }
@@ -260,7 +260,7 @@ impl Trial {
         Self { solver, start: profile.start(), profile, options, progress, failed: false }
     }
 
-    /// Restores a checkpoint of the same robot, closure, profile and options; the trial goes on bit for bit.
+    /// Restores a checkpoint of the same robot, closure, profile and options; the trial continues bit for bit.
     pub fn restore(&mut self, checkpoint: Checkpoint) {
         self.progress = checkpoint;
         self.failed = false;
@@ -275,8 +275,9 @@ impl Trial {
         self.profile.extend(time, speeds)
     }
 
-    /// Turns the robot about its joint where it is, as [`State::turn`] does, also in the values of [`Trial::at`]. The steady
-    /// state is computed from the values before and after. `rotation`: rotation vector in world axes, rad.
+    /// Turns the robot about its joint at the present time, as [`State::turn`] does, also in the values of
+    /// [`Trial::at`]. The steady state is computed from the values before and after. `rotation`: rotation vector in
+    /// world axes, rad.
     pub fn turn(&mut self, rotation: V3) {
         self.progress.state.turn(rotation);
         self.progress.dense.turn(rotation);
@@ -298,7 +299,7 @@ impl Trial {
         self.progress.dense.at(time)
     }
 
-    /// Returns all that is needed to go on later.
+    /// Returns a checkpoint from which the trial can continue.
     pub fn checkpoint(&self) -> Checkpoint {
         self.progress.clone()
     }
@@ -394,7 +395,7 @@ impl Trial {
             .filter(|t| *t > time)
             .fold(f64::INFINITY, f64::min);
         let profile = &self.profile;
-        // A step that ends at a jump has the speed before it.
+        // A step that ends at a jump has the speed before the jump.
         let before = |t: f64| {
             if t < until { profile.motors(t) } else { profile.motors(t.next_down()) }
         };
@@ -439,7 +440,7 @@ impl Trial {
         if report.touching > 0 && totals.first_contact.is_none() {
             totals.first_contact = Some(progress.state.time);
         }
-        // Only flagella in contact can be wound, and those that were need no closer look.
+        // Only flagella in contact can be bundled; once they were, no further check is needed.
         if report.touching > 0 && totals.bundling != Bundling::Bundled {
             let state = &self.progress.state;
             let lines = shapes_at(state, state.time, &state.motors, &self.solver.model().robot.shaft_feet());

@@ -1,7 +1,7 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. If the motors
-//! are outside of the simulator, the profile is extended during the run ([`SpeedProfile::open`]).
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. For motors
+//! outside of the simulator, the profile is extended during the run ([`SpeedProfile::open`]).
 
 use crate::body::shaft::MotorState;
 use serde::{Deserialize, Serialize};
@@ -62,7 +62,7 @@ const REMEMBERED: usize = 8;
 /// A motor that turned the other way at more than this share of its last speed has reversed. Measured speeds scatter.
 const REVERSED: f64 = 0.5;
 
-/// A motor whose target is slower than this, rad/s, stands: 1 rpm. What is measured of it is scatter.
+/// A motor whose target is slower than this, rad/s, stands still: 1 rpm. Its measured speeds are scatter.
 const STANDING: f64 = PI / 30.0;
 
 /// Durations of the phases of a trial, s.
@@ -111,14 +111,15 @@ struct Point {
 pub struct SpeedProfile {
     points: Vec<Point>,
     run: [f64; 2],
-    /// Speeds that the motors were meant to have in the run, rad/s.
+    /// Target speeds of the motors in the run, rad/s.
     target: Option<[f64; 2]>,
 }
 
 impl SpeedProfile {
-    /// From times in s and speeds in rpm, linear in between. The run phase is the whole profile.
+    /// Returns the profile of these times in s and speeds in rpm, linear in between. The run phase is the whole
+    /// profile.
     ///
-    /// Measured speeds should be smoothed first: a step's formula takes the speed at its end for that of the step.
+    /// Measured speeds should be smoothed first: a step's formula takes the speed at its end for the whole step.
     ///
     /// # Errors
     /// Points that are not a valid profile, see [`ProfileError`].
@@ -165,16 +166,16 @@ impl SpeedProfile {
         }
     }
 
-    /// Sets the target speeds of the run (rpm), from which the length of the steady window then follows instead of from
-    /// the speeds at its end. Measured speeds scatter about their target, so the number of revolutions in the window
-    /// could vary with them.
+    /// Sets the target speeds of the run (rpm). They then decide the length of the steady window instead of the speeds
+    /// at the run's end: measured speeds scatter about their target, and the number of revolutions in the window could
+    /// vary with them.
     pub fn with_target(mut self, rpm: [f64; 2]) -> Self {
         self.target = Some(rpm.map(|rpm| rpm * PI / 30.0));
         self
     }
 
-    /// Returns the target speeds of the run in rad/s, or without one the speeds at its end; if these are zero, the speeds in
-    /// its middle.
+    /// Returns the target speeds of the run in rad/s, or without a target the speeds at its end; if these are zero, the
+    /// speeds in its middle.
     pub fn target(&self) -> [f64; 2] {
         let [start, stop] = self.run;
         let at = |time: f64| self.motors(time).map(|motor| motor.speed);
@@ -184,8 +185,8 @@ impl SpeedProfile {
         })
     }
 
-    /// Returns the same speeds with these angles (rad) added to those of the motors. Flagella of a rig start a trial where
-    /// the last one left them, and [`crate::steady::phase`] says when it matters.
+    /// Returns the same speeds with these angles (rad) added to the motors' angles. The flagella of a rig start a trial
+    /// where the last one left them; [`crate::steady::phase`] says when this matters.
     pub fn from_angles(mut self, start_rad: [f64; 2]) -> Self {
         for point in &mut self.points {
             point.angle = [0, 1].map(|k| point.angle[k] + start_rad[k]);
@@ -201,7 +202,7 @@ impl SpeedProfile {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
     }
 
-    /// Returns the part of constant speeds between two times (s), with the angles of the whole.
+    /// Returns the part of constant speeds between two times (s), with the angles of the whole profile.
     ///
     /// # Errors
     /// Times without a duration.
@@ -276,7 +277,7 @@ impl SpeedProfile {
         Ok(())
     }
 
-    /// Returns the first time, s; of an extended profile the first that it keeps.
+    /// Returns the first time, s; for an extended profile, the first one kept.
     pub fn start(&self) -> f64 {
         self.points[0].time
     }
@@ -291,7 +292,7 @@ impl SpeedProfile {
         self.run
     }
 
-    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed is that of the nearest end; at
+    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed of the nearest end applies; at
     /// a jump it is the speed after the jump.
     pub fn motors(&self, time: f64) -> [MotorState; 2] {
         let after = self.points.partition_point(|p| p.time <= time);
@@ -313,7 +314,7 @@ impl SpeedProfile {
         })
     }
 
-    /// Returns the time of the run (s) after which no motor reverses: its start, unless one does.
+    /// Returns the time of the run (s) after which no motor reverses: the run's start, unless one does.
     pub fn last_reversal(&self) -> f64 {
         let [start, stop] = self.run;
         let last = self.motors(stop).map(|motor| motor.speed);

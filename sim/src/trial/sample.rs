@@ -35,7 +35,7 @@ pub struct Sample {
     /// Force of flagellum 1 and 2 on the base in N, contact included; their net weight only if it is
     /// set to act on the base.
     pub force_n: [[f64; 3]; 2],
-    /// The part of `force_n` that is contact.
+    /// The part of `force_n` from contact.
     pub contact_force_n: [[f64; 3]; 2],
     /// Reaction torques on the base about the shafts in N m.
     pub axial_torque_nm: [f64; 2],
@@ -60,13 +60,13 @@ pub struct ForceRecord {
     pub smooth: V3,
     /// Contact, N.
     pub contact: V3,
-    /// Reaction torque about the shaft of the fluid, N m.
+    /// Reaction torque of the fluid about the shaft, N m.
     pub smooth_torque: f64,
-    /// The same of contact, N m.
+    /// Reaction torque of contact about the shaft, N m.
     pub contact_torque: f64,
 }
 
-/// One step as the dense output keeps it.
+/// A step in the dense output.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepRecord {
     /// Time in s.
@@ -89,7 +89,7 @@ pub struct StepRecord {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DenseOutput {
     records: VecDeque<StepRecord>,
-    /// How far before the newest step values can be asked for, s; at least the last four steps are kept.
+    /// Time before the newest step for which values are available, s; at least the last four steps are kept.
     #[serde(default)]
     reach: f64,
 }
@@ -138,7 +138,7 @@ impl DenseOutput {
         }
     }
 
-    /// Removes earlier steps: the motion has a corner here.
+    /// Removes earlier steps: the motion has a kink here.
     pub fn restart(&mut self) {
         self.records.truncate(1);
     }
@@ -180,7 +180,7 @@ impl DenseOutput {
     }
 }
 
-/// Returns the weights of steps, newest first, for the value at `time` (s). `speed`: of the motor, rad/s.
+/// Returns the weights of steps, newest first, for the value at `time` (s). `speed`: speed of the motor, rad/s.
 fn weights(steps: &[&StepRecord], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
     let newest = steps[0].time;
     let Some(scale) = steps.get(1).map(|r| newest - r.time) else {

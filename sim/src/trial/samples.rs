@@ -60,7 +60,7 @@ impl Trial {
             sweeps: progress.sweeps,
             shapes_m: self.options.shapes.then(|| lines.map(|line| line.into_iter().map(plain).collect())),
         };
-        // Several samples may fall into one step: each has at least that step's gap.
+        // Several samples may fall into one step: each includes that step's gap.
         progress.gap = progress.last_gap;
         progress.sweeps = 0;
         Some(sample)

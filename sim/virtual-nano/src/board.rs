@@ -1,4 +1,4 @@
-//! The Nano with everything that is wired to it: the whole that tests and the program `vnano` run.
+//! The Nano with everything that is wired to it, for tests and for the program `vnano`.
 //!
 //! ```no_run
 //! use virtual_nano::{Board, BoardOptions, Image};
@@ -37,7 +37,7 @@ pub struct BoardOptions {
     pub motors: MotorParameters,
     /// Seed of everything random on the line.
     pub seed: u64,
-    /// Keeps every change of the bridge, for [`Board::take_drive_log`].
+    /// Whether to keep every change of the bridge, for [`Board::take_drive_log`].
     pub log_drive: bool,
 }
 
@@ -67,19 +67,20 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board with `image` in its flash, which has just got power.
+    /// Returns a board with `image` in its flash that has just got power.
     pub fn new(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
         let mut board = Self::with_start(image, 0, options)?;
         board.static_bytes = Some(image.static_bytes);
         Ok(board)
     }
 
-    /// The same behind a bootloader: every reset starts at the image's lowest address, and the rest of flash is blank.
+    /// Returns the same with a bootloader as its image: every reset starts at the image's lowest address, and the rest
+    /// of flash is blank.
     pub fn with_bootloader(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
         Self::with_start(image, image.start(), options)
     }
 
-    /// The same with `program` in the flash below the bootloader.
+    /// Returns the same with `program` in the flash below the bootloader.
     ///
     /// # Panics
     /// If the program reaches into the bootloader.
@@ -135,7 +136,7 @@ impl Board {
         self.state = RunState::Running;
     }
 
-    /// Runs until `cycle`. A program that crashed stays where it is until a reset, and the board's time with it.
+    /// Runs until `cycle`. After a crash, the program and the board's time stand still until a reset.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         while self.state == RunState::Running && self.cycle() < cycle {
             let due = self.faults.iter().map(|(at_s, _)| self.resonator().cycle(*at_s)).min().unwrap_or(u64::MAX);
@@ -153,8 +154,8 @@ impl Board {
         self.faults.push((at_s, fault));
     }
 
-    /// Ends every fault that can end, and forgets those that have not begun. What they did to registers and to the
-    /// program stays.
+    /// Ends every fault that can end, and forgets those that have not begun. Their effects on registers and on the
+    /// program stay.
     pub fn clear_faults(&mut self) {
         self.faults.clear();
         self.end_faults();
@@ -165,22 +166,23 @@ impl Board {
         self.run_until(self.cycle() + cycles)
     }
 
-    /// How the last run ended.
+    /// Returns how the last run ended.
     pub fn state(&self) -> RunState {
         self.state
     }
 
-    /// Cycles since power came up.
+    /// Returns the cycles since power came up.
     pub fn cycle(&self) -> u64 {
         self.mcu.cycle()
     }
 
-    /// Time since power came up, s. It differs from the cycles' where the resonator is off.
+    /// Returns the time since power came up, s. It differs from the nominal time of the cycles if the resonator has an
+    /// error.
     pub fn seconds(&self) -> f64 {
         self.resonator().seconds(self.cycle())
     }
 
-    /// The chip's resonator.
+    /// Returns the chip's resonator.
     pub fn resonator(&self) -> &Resonator {
         &self.mcu.devices().resonator
     }
@@ -191,7 +193,7 @@ impl Board {
         self.mcu.devices_mut().resonator.set_error(cycle, fraction);
     }
 
-    /// The host sends.
+    /// Sends bytes from the host.
     pub fn send(&mut self, bytes: &[u8]) {
         self.mcu.devices_mut().serial.send(bytes);
         self.mcu.serial_wake();
@@ -203,27 +205,27 @@ impl Board {
         self.mcu.devices_mut().serial.take(now_s)
     }
 
-    /// The line to the host.
+    /// Returns the line to the host.
     pub fn serial(&self) -> &Serial {
         &self.mcu.devices().serial
     }
 
-    /// The line to the host, to disturb it.
+    /// Returns the line to the host, to disturb it.
     pub fn serial_mut(&mut self) -> &mut Serial {
         &mut self.mcu.devices_mut().serial
     }
 
-    /// Speed of the board's end of the line, bit/s.
+    /// Returns the speed of the board's end of the line, bit/s.
     pub fn baud(&self) -> f64 {
         10.0 * self.resonator().hz() / f64::from(self.mcu.serial_byte_cycles())
     }
 
-    /// Bytes from the host that the program read too late.
+    /// Returns the number of bytes from the host that the program read too late.
     pub fn serial_overruns(&self) -> u64 {
         self.mcu.serial_overruns()
     }
 
-    /// The sensor.
+    /// Returns the sensor.
     pub fn imu(&self) -> &Mpu6050 {
         &self.mcu.devices().imu
     }
@@ -231,27 +233,27 @@ impl Board {
     /// Changes the sensor or its input.
     pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
         let result = change(&mut self.mcu.devices_mut().imu);
-        // It may have let go of SDA, or pulled it.
+        // The sensor may have released SDA, or pulled it.
         self.mcu.bus_changed();
         result
     }
 
-    /// The bridge, as it is now.
+    /// Returns the present state of the bridge.
     pub fn bridge(&self) -> Bridge {
         self.mcu.devices().bridge
     }
 
-    /// Changes of the bridge since the last call, with their cycles, if [`BoardOptions::log_drive`] asked for them.
+    /// Takes the changes of the bridge since the last call, with their cycles, if [`BoardOptions::log_drive`] is set.
     pub fn take_drive_log(&mut self) -> Vec<(u64, Bridge)> {
         self.mcu.devices_mut().drive_log.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// Motors 1 and 2.
+    /// Returns motors 1 and 2.
     pub fn motors(&self) -> &[Motor; 2] {
         &self.mcu.devices().motors
     }
 
-    /// Motors 1 and 2, to change them.
+    /// Returns motors 1 and 2, to change them.
     pub fn motors_mut(&mut self) -> &mut [Motor; 2] {
         &mut self.mcu.devices_mut().motors
     }
@@ -268,7 +270,7 @@ impl Board {
         rig.drive_motors();
     }
 
-    /// The encoder of motor 0 or 1, to change it.
+    /// Returns the encoder of motor 0 or 1, to change it.
     pub fn encoder_mut(&mut self, motor: usize) -> &mut Encoder {
         &mut self.mcu.devices_mut().encoders[motor]
     }
@@ -289,7 +291,7 @@ impl Board {
         self.mcu.hang(interrupts);
     }
 
-    /// Keeps the program from its work for a time, with interrupts on.
+    /// Keeps the program busy for a time, with interrupts on.
     pub fn keep_busy_ms(&mut self, ms: f64) {
         let cycle = self.cycle() + (ms * 1e-3 * self.resonator().hz()).round() as u64;
         self.mcu.busy(cycle);
@@ -312,52 +314,52 @@ impl Board {
         self.mcu.set_bus_rise((rise_us * 1e-6 * FREQUENCY_HZ as f64).round() as u32);
     }
 
-    /// The simulated robot that the board is built into, if there is one.
+    /// Returns the simulated robot that the board is built into, if there is one.
     pub fn plant(&self) -> Option<&Plant> {
         self.imu().source().plant_ref()
     }
 
-    /// The simulated robot, to take its samples.
+    /// Returns the simulated robot, to take its samples.
     pub fn plant_mut(&mut self) -> Option<&mut Plant> {
         self.mcu.devices_mut().imu.source_mut().plant_mut()
     }
 
-    /// The program's own clock.
+    /// Returns the program's own clock.
     pub fn clock(&self) -> &ProgramClock {
         &self.mcu.devices().clock
     }
 
-    /// The program's marks.
+    /// Returns the program's marks.
     pub fn marks(&self) -> &Marks {
         &self.mcu.devices().marks
     }
 
-    /// The program's marks, to reset them.
+    /// Returns the program's marks, to reset them.
     pub fn marks_mut(&mut self) -> &mut Marks {
         &mut self.mcu.devices_mut().marks
     }
 
-    /// The EEPROM: 1 KB, 0xFF where blank.
+    /// Returns the EEPROM: 1 KB, 0xFF where blank.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         self.mcu.eeprom_mut()
     }
 
-    /// Bytes of SRAM that the image's static data take; not known behind a bootloader.
+    /// Returns the bytes of SRAM that the image's static data take; not known behind a bootloader.
     pub fn static_bytes(&self) -> Option<u16> {
         self.static_bytes
     }
 
-    /// Bytes of stack used at most so far; not known behind a bootloader.
+    /// Returns the largest number of bytes of stack used so far; not known behind a bootloader.
     pub fn deepest_stack(&self) -> Option<u16> {
         self.static_bytes.map(|bytes| self.mcu.deepest_stack(0x100 + bytes))
     }
 
-    /// The program counter as a byte address.
+    /// Returns the program counter as a byte address.
     pub fn pc(&self) -> u32 {
         self.mcu.pc()
     }
 
-    /// A byte of the chip's data space.
+    /// Returns a byte of the chip's data space.
     pub fn peek(&self, address: u16) -> u8 {
         self.mcu.peek(address)
     }

@@ -4,7 +4,7 @@ use crate::image::{Image, ImageError};
 use crate::mcu::FLASH_BYTES;
 use std::path::{Path, PathBuf};
 
-/// Which one.
+/// A bootloader.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Bootloader {
     /// Since 2018: 115200 bit/s, 512 bytes at 0x7E00.
@@ -13,7 +13,7 @@ pub enum Bootloader {
     Old,
 }
 
-/// Why a bootloader is not to be had.
+/// Why a bootloader is not available.
 #[derive(Debug, thiserror::Error)]
 pub enum BootloaderError {
     /// Not installed.
@@ -21,7 +21,7 @@ pub enum BootloaderError {
     Missing {
         /// The file.
         name: &'static str,
-        /// Where it was looked for.
+        /// The folder that should have it.
         folder: PathBuf,
     },
     /// Damaged.
@@ -29,15 +29,15 @@ pub enum BootloaderError {
     Image(#[from] ImageError),
 }
 
-/// Where the package keeps them.
+/// The package's folder of bootloaders.
 const FOLDER: &str = "/usr/share/arduino/hardware/arduino/avr/bootloaders";
 
-/// Debian builds optiboot with a newer compiler than Arduino did, and its last 20 bytes lie past the end of flash: a real
-/// chip could not start a program from it. The emulated one gets flash that is so much longer.
+/// Debian builds optiboot with a newer compiler than Arduino did, and its last 20 bytes lie past the end of flash: a
+/// real chip could not start a program from it. The emulated chip has more flash to hold them.
 const ROOM: u32 = FLASH_BYTES + 64;
 
 impl Bootloader {
-    /// Its speed, bit/s.
+    /// Returns the bootloader's speed, bit/s.
     pub fn baud(self) -> u32 {
         match self {
             Self::Optiboot => 115_200,
@@ -45,7 +45,7 @@ impl Bootloader {
         }
     }
 
-    /// Reads it.
+    /// Reads the bootloader's file.
     pub fn load(self) -> Result<Image, BootloaderError> {
         self.load_from(Path::new(FOLDER))
     }

@@ -9,7 +9,7 @@
 
 use crate::mcu::{FREQUENCY_HZ, Outputs};
 
-/// What the bridge does to a motor (data sheet of the TB6612FNG, table of control functions).
+/// The bridge's output to a motor (data sheet of the TB6612FNG, table of control functions).
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub enum Drive {
     /// Outputs open: standby, or both inputs low.
@@ -21,12 +21,12 @@ pub enum Drive {
     Voltage(f64),
 }
 
-/// What both motors get, as the pins say.
+/// The outputs to both motors that the pins set.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Bridge {
     /// High time of the two PWM pins, 0 to 255.
     pub pwm: [u8; 2],
-    /// Frequency of the two PWM pins with a resonator of 16 MHz; 0 where the timer stands.
+    /// Frequency of the two PWM pins with a resonator of 16 MHz; 0 if the timer stands still.
     pub pwm_hz: [f64; 2],
     /// Motors 1 and 2.
     pub drive: [Drive; 2],
@@ -53,7 +53,7 @@ impl Bridge {
     }
 }
 
-/// High time of a timer's output A out of 255 (data sheet of the ATmega328P, sections 15.7 and 18.7).
+/// Returns the high time of a timer's output A out of 255 (data sheet of the ATmega328P, sections 15.7 and 18.7).
 fn pulse_width(tccra: u8, ocr: u8, port: bool, is_output: bool) -> u8 {
     let compare_mode = tccra >> 6;
     // Fast PWM is high for one count more than OCR says: a compare value of zero does not turn it off.
@@ -66,8 +66,8 @@ fn pulse_width(tccra: u8, ocr: u8, port: bool, is_output: bool) -> u8 {
     }
 }
 
-/// Frequency of a timer's PWM: fast (256 counts a period) or phase-correct (510), with its prescalers in the order of the
-/// clock select bits (sections 15.9.2 and 18.11.2).
+/// Returns the frequency of a timer's PWM: fast (256 counts a period) or phase-correct (510), with its prescalers in
+/// the order of the clock select bits (sections 15.9.2 and 18.11.2).
 fn pwm_hz(tccra: u8, tccrb: u8, prescalers: [u32; 8]) -> f64 {
     let period = if tccra & 0b11 == 0b11 { 256 } else { 510 };
     match prescalers[usize::from(tccrb & 7)] {

@@ -1,7 +1,7 @@
 //! Compares the time in the program's frames with the cycle count of the emulator at that moment.
 //!
-//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]). This is the
-//! only place where the emulator reads what the program sends.
+//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]). The emulator
+//! reads the program's bytes only here.
 
 use crate::mcu::FREQUENCY_HZ;
 use protocol::Message;
@@ -11,26 +11,26 @@ use protocol::units::Micros;
 /// Cycles in a microsecond.
 const CYCLES_PER_US: u64 = FREQUENCY_HZ / 1_000_000;
 
-/// The clock.
+/// The program's clock in the emulator's cycles.
 #[derive(Default)]
 pub struct ProgramClock {
     frame: Accumulator,
     /// The cycle at which the last tick began.
     tick: Option<u64>,
-    /// The same when the frame under way began.
+    /// The last tick before the frame under way began.
     sent_in: Option<u64>,
     within_frame: bool,
-    /// Our microseconds less the program's, modulo 2^32.
+    /// The emulator's microseconds less the program's, modulo 2^32.
     ahead: Option<u32>,
 }
 
 impl ProgramClock {
-    /// A tick began.
+    /// Records the begin of a tick.
     pub fn tick(&mut self, cycle: u64) {
         self.tick = Some(cycle);
     }
 
-    /// A byte left the chip.
+    /// Reads a byte from the chip.
     pub fn hear(&mut self, byte: u8) {
         if !self.within_frame {
             self.sent_in = self.tick;
@@ -38,7 +38,7 @@ impl ProgramClock {
         self.within_frame = byte != 0;
         if let (Some(Ok(Message::Telemetry(telemetry))), Some(cycle)) = (self.frame.push(byte), self.sent_in) {
             let ahead = ((cycle / CYCLES_PER_US) as u32).wrapping_sub(telemetry.time.0);
-            // A frame that had to wait went out in a later tick than its own, and seems older than it is.
+            // A frame that had to wait is sent in a later tick than its own, and seems older than it is.
             let is_less = self.ahead.is_none_or(|known| (ahead.wrapping_sub(known) as i32) < 0);
             if is_less {
                 self.ahead = Some(ahead);

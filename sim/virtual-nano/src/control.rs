@@ -5,9 +5,9 @@
 //! | `play` | plays the sensor's recording from its start |
 //! | `rewind` | holds the sensor at the start of its recording until the next `play` |
 //! | `turn AXIS DEGREES SECONDS` | a hand turns the sensor about its body axis `x`, `y` or `z` |
-//! | `pose UP SECONDS` | a hand turns the sensor, by the shortest way, until the body axis `UP` (`+x`, `-z`, ...) points up; an attitude `W,X,Y,Z` also does: the quaternion from body axes to the world's, whose z is up |
+//! | `pose UP SECONDS` | a hand turns the sensor, by the shortest way, until the body axis `UP` (`+x`, `-z`, ...) points up; `UP` may also be an attitude `W,X,Y,Z`: the quaternion from body axes to world axes, z up |
 //! | `hand STOP SWAY` | sets the errors of the hand: standard deviation of its stops, and amplitude of its sway, degrees about each axis |
-//! | `exchange US [HEX]` | sends these bytes to the board, lets so many µs of its time pass, and returns what it sent; for `--speed exchange`, with which no other time passes |
+//! | `exchange US [HEX]` | sends these bytes to the board, lets US µs of its time pass, and returns the bytes that it sent; for `--speed exchange`, where time passes only in exchanges |
 //! | `truth` | returns the robot's states since the last `truth`, fifty for each second of the board's time |
 //! | `status` | returns the state of chip, bridge, motors, bus and line |
 //! | `drop N` | drops the next N frames of the stream |
@@ -17,10 +17,10 @@
 //! | `reset` | pulls the reset pin |
 //! | `quit` | ends |
 //!
-//! `turn` and `pose` need a board without robot and recording. They return at once, with the board's times (s) at which
-//! the movement begins and ends, as `begin_s` and `end_s`, and the error of the stop about the body axes, as `off_deg`. A
-//! movement waits for those before. `status` says the board's time as `seconds`, and whether the hand has movements left
-//! as `moving`.
+//! `turn` and `pose` need a board without robot and recording. They return at once. `begin_s` and `end_s` are the
+//! board's times (s) at which the movement begins and ends, `off_deg` is the error of the stop about the body axes. A
+//! movement waits for earlier ones. In `status`, `seconds` is the board's time, and `moving` whether the hand has
+//! movements left.
 
 use crate::board::Board;
 use crate::bridge::Drive;
@@ -111,17 +111,17 @@ fn within(what: &str, word: &str, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-/// The duration of a movement.
+/// Parses the duration of a movement.
 fn length_s(word: &str) -> Result<f64, String> {
     within("SECONDS", word, 0.1, 3600.0)
 }
 
-/// The time of an exchange.
+/// Parses the time of an exchange.
 fn exchange_us(word: &str) -> Result<u64, String> {
     within("US", word, 1.0, 1e6).map(|time_us| time_us as u64)
 }
 
-/// Bytes in hexadecimal.
+/// Parses bytes in hexadecimal.
 fn bytes(hex: &str) -> Result<Vec<u8>, String> {
     let digits = hex.as_bytes();
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
@@ -145,12 +145,12 @@ pub fn done(line: &str) -> Value {
     json!({ "event": "done", "command": line })
 }
 
-/// Returns the reply to a line that is no command or failed.
+/// Returns the reply to a line that is not a command, or to a command that failed.
 pub fn error(line: &str, problem: &str) -> Value {
     json!({ "event": "error", "command": line, "error": problem })
 }
 
-/// Follows a command to the hand. Returns its reply.
+/// Carries out a command to the hand. Returns its reply.
 pub fn by_hand(line: &str, board: &mut Board, command: Command) -> Value {
     let now_s = board.seconds();
     let moved: Option<Option<Span>> = board.change_imu(|imu| {
@@ -175,7 +175,7 @@ pub fn by_hand(line: &str, board: &mut Board, command: Command) -> Value {
 }
 
 /// Returns the reply to `truth`: the simulator's samples, each with the program's clock in µs (`null` before its first
-/// frame). It is an error where there is no robot, or where the simulator could not go on.
+/// frame). It is an error if there is no robot or the simulator failed.
 pub fn truth(line: &str, board: &mut Board) -> Value {
     let Some(plant) = board.plant_mut() else {
         return error(line, "there is no robot; start with --robot FILE.toml or --robot published");
@@ -191,7 +191,7 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     json!({ "event": "truth", "samples": samples })
 }
 
-/// Returns the errors of the board's sensor, and which of them were asked for.
+/// Returns the errors of the board's sensor, and their kind.
 pub fn sensor(board: &Board, kind: &Sensor) -> Value {
     let mut errors = sensor_file::to_json(board.imu().source().part().errors());
     errors.insert("kind".to_owned(), json!(kind.to_string()));

@@ -1,21 +1,20 @@
-//! Spikes on the encoder lines that the motors' PWM couples into them, where leads of a motor and of an encoder share a
-//! cable.
+//! Spikes that the motors' PWM couples into the encoder lines if leads of a motor and of an encoder share a cable.
 //!
-//! Each edge of the voltage at a motor inverts the lines beside its leads for a time. The edges are those of the timers'
-//! outputs in fast PWM: up where the counter begins anew, down one count after the compare value, which a new one replaces
-//! where the counter begins anew (sections 15.7.3 and 15.9.2 of the data sheet).
+//! Each edge of the voltage at a motor inverts the lines beside its leads for a time. The edges are those of the
+//! timers' outputs in fast PWM: up when the counter restarts, down one count after the compare value. A new compare
+//! value comes into force when the counter restarts (sections 15.7.3 and 15.9.2 of the data sheet).
 
 use crate::bridge::{Bridge, Drive};
 
 /// Counts of a period in fast PWM.
 const COUNTS: u64 = 256;
 
-/// What couples into what.
+/// The leads that share a cable.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Cable {
-    /// How long a spike lasts, cycles.
+    /// Duration of a spike, cycles.
     pub width: u64,
-    /// Both motors and encoders share one cable; otherwise each motor has one with its encoder.
+    /// Whether both motors and encoders share one cable; otherwise each motor has one with its encoder.
     pub shared: bool,
     /// Whether the lines of C1 and C2 are beside the motor's leads.
     pub channels: [bool; 2],
@@ -28,14 +27,14 @@ struct Pwm {
     switches: bool,
     /// Cycles of a period.
     period: u64,
-    /// Compare value in force, the one that follows it, and when that was written.
+    /// Compare value in force, the next one, and the cycle at which the next one was written.
     compare: u8,
     next: u8,
     written: u64,
 }
 
 impl Pwm {
-    /// Returns the cycles since its two last edges, `phase` cycles after the counter began anew; none without edges.
+    /// Returns the cycles since its two last edges, `phase` cycles after the counter restarted; none without edges.
     fn since(&mut self, cycle: u64, phase: u64) -> Option<[u64; 2]> {
         if self.written + phase <= cycle {
             self.compare = self.next;
@@ -59,7 +58,7 @@ impl Coupling {
         self.cable = cable;
     }
 
-    /// Takes what drives the bridge from now on: compare values of motors 1 and 2, and periods in cycles.
+    /// Sets the drive of the bridge from now on: compare values of motors 1 and 2, and periods in cycles.
     pub fn drive(&mut self, cycle: u64, bridge: &Bridge, compare: [u8; 2], periods: [u64; 2]) {
         for (motor, pwm) in self.pwm.iter_mut().enumerate() {
             pwm.switches = matches!(bridge.drive[motor], Drive::Voltage(_));
@@ -70,8 +69,8 @@ impl Coupling {
         }
     }
 
-    /// Returns which lines of encoders 1 and 2 are inverted now, and the cycles until that may change. `phases`: cycles since
-    /// the timers of motors 1 and 2 began anew.
+    /// Returns which lines of encoders 1 and 2 are inverted now, and the cycles until that may change. `phases`: cycles
+    /// since the timers of motors 1 and 2 restarted.
     pub fn strike(&mut self, cycle: u64, phases: [u64; 2]) -> ([[bool; 2]; 2], u64) {
         let (mut struck, mut next) = ([false; 2], u64::MAX);
         let Some(Cable { width, shared, channels }) = self.cable else { return ([[false; 2]; 2], next) };

@@ -1,6 +1,7 @@
-//! A motor's encoder: two Hall sensors at a magnet on the motor's shaft, their two lines, and what disturbs these.
+//! A motor's encoder: two Hall sensors at a magnet on the motor's shaft, their two lines, and disturbances of the
+//! lines.
 //!
-//! The sensors pull their lines low and otherwise let go of them (open drain), so that a line is high only through the
+//! The sensors pull their lines low and otherwise release them (open drain), so that a line is high only through the
 //! pull-up in the chip. Assumed: the board at the motor has no resistors of its own.
 
 use crate::imu::noise::Noise;
@@ -8,13 +9,13 @@ use crate::imu::noise::Noise;
 /// Edges of both channels in a period: one pair of the magnet's poles.
 const PERIOD: f64 = 4.0;
 
-/// How long a spike lasts, s. Assumed: longer than the input's synchroniser needs, and shorter than an interrupt.
+/// Duration of a spike, s. Assumed: longer than the input's synchroniser needs, and shorter than an interrupt.
 const SPIKE_S: f64 = 3e-6;
 
-/// An event is placed to the cycle, and always past its time.
+/// Events happen at whole cycles, always after their exact time.
 const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
 
-/// What disturbs a line.
+/// A disturbance of a line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub enum Disturbance {
     /// Nothing.
@@ -24,7 +25,7 @@ pub enum Disturbance {
     Open,
     /// Spikes of 3 µs that invert the line, at random times.
     Spikes {
-        /// How many a second.
+        /// Spikes a second.
         rate_hz: f64,
     },
     /// A square wave in place of the sensor's signal.
@@ -48,13 +49,13 @@ pub struct Encoder {
     lines: [Line; 2],
     /// C1 and C2 are connected to each other's pins.
     swapped: bool,
-    /// By how much a north pole is longer than half a period, as a fraction of it.
+    /// Fraction by which a north pole is longer than half a period.
     uneven: f64,
     noise: Noise,
 }
 
 impl Encoder {
-    /// One without faults. The seed places spikes.
+    /// Returns an encoder without faults. The seed decides the times of spikes.
     pub fn new(seed: u64) -> Self {
         Self { lines: [Line::default(); 2], swapped: false, uneven: 0.0, noise: Noise::new(seed) }
     }
@@ -76,7 +77,7 @@ impl Encoder {
     }
 
     /// Returns the levels at the pins of C1 and C2 at a time (s), with the shaft at `counts` and these pull-ups on.
-    /// C1 leads while the motor turns forward. Times do not go back.
+    /// C1 leads while the motor turns forward. Times must not decrease.
     pub fn levels(&mut self, counts: f64, time_s: f64, pull_ups: [bool; 2]) -> [bool; 2] {
         self.plan_spikes(time_s);
         let place = counts.rem_euclid(PERIOD);
@@ -107,7 +108,7 @@ impl Encoder {
             let place = counts.rem_euclid(PERIOD);
             let ahead = |edge: f64| {
                 let distance = ((edge - place) * rate.signum()).rem_euclid(PERIOD);
-                // At an edge the level is that of the place above it.
+                // At an edge the level of higher counts holds.
                 if distance == 0.0 && rate > 0.0 { PERIOD } else { distance }
             };
             next = self.edges().into_iter().map(ahead).fold(PERIOD, f64::min).min(next * rate.abs()) / rate.abs();
@@ -124,7 +125,7 @@ impl Encoder {
         next.max(ONE_CYCLE_S)
     }
 
-    /// Counts within a period at which C1 rises, C2 rises, C1 falls and C2 falls.
+    /// Returns the counts within a period at which C1 rises, C2 rises, C1 falls and C2 falls.
     fn edges(&self) -> [f64; 4] {
         let pole = 0.5 * PERIOD * (1.0 + self.uneven);
         [1.0, 2.0, 1.0 + pole, 2.0 + pole]
@@ -141,7 +142,7 @@ impl Encoder {
 }
 
 fn half_periods(hz: f64, time_s: f64) -> f64 {
-    // Past an edge by rounding only is past it.
+    // A time that misses an edge by rounding alone counts as past it.
     (time_s * 2.0 * hz + 1e-6).floor()
 }
 

@@ -1,5 +1,5 @@
-//! Faults of the board and of what is wired to it, by name: for tests, for the running program (`fault NAME`), and from its
-//! start (`--fault NAME`).
+//! Faults of the board and of the devices wired to it, by name: for tests, for the running program (`fault NAME`), and
+//! from its start (`--fault NAME`).
 //!
 //! ```
 //! use virtual_nano::fault::Fault;
@@ -51,7 +51,7 @@ pub enum Fault {
     Push { axis: Axis, degrees: f64 },
 }
 
-/// A name and what it asks for.
+/// A name and its fault.
 struct Kind {
     name: &'static str,
     /// Names and defaults of its values.
@@ -63,7 +63,7 @@ struct Kind {
 const MOTOR: (&str, f64) = ("MOTOR", 1.0);
 const CHANNEL: (&str, f64) = ("CHANNEL", 1.0);
 
-/// All of them.
+/// All kinds of faults.
 const KINDS: &[Kind] = &[
     Kind {
         name: "encoder-swapped",
@@ -331,7 +331,7 @@ impl Values {
         Ok(self.within(index, 0.0, 255.0)? as u8)
     }
 
-    /// The index of a motor or a channel.
+    /// Returns the index of a motor or a channel.
     fn motor(&self, index: usize) -> Result<usize, String> {
         Ok(self.within(index, 1.0, 2.0)? as usize - 1)
     }
@@ -341,7 +341,7 @@ impl Values {
     }
 }
 
-/// Returns the list of all faults, one a line.
+/// Returns the list of all faults with their values.
 pub fn help() -> String {
     let mut text = String::from("Faults and their values, with defaults in brackets:\n\n");
     for Kind { name, values, meaning, .. } in KINDS {
@@ -385,7 +385,7 @@ fn number(text: &str) -> Result<f64, String> {
     parsed.filter(|value: &f64| value.is_finite()).ok_or_else(|| format!("{text:?} is not a number"))
 }
 
-/// A fault and when it begins: `NAME[=VALUE][@SECONDS]`.
+/// A fault and its begin: `NAME[=VALUE][@SECONDS]`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Timed {
     /// The fault.

@@ -1,4 +1,4 @@
-//! Program files: an ELF as the firmware's build leaves it, and Intel HEX as bootloaders come.
+//! Program files: the ELF of the firmware's build, and the Intel HEX files of bootloaders.
 
 use object::elf::{EM_AVR, FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::mcu::FLASH_BYTES;
 
-/// What goes into flash, and how much SRAM it takes.
+/// The content of flash, and the SRAM that it needs.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Image {
     /// Bytes and the flash addresses where they belong.
@@ -68,17 +68,17 @@ pub enum ImageError {
 }
 
 impl Image {
-    /// Bytes of flash taken.
+    /// Returns the number of bytes in flash.
     pub fn flash_bytes(&self) -> usize {
         self.segments.iter().map(|(_, bytes)| bytes.len()).sum()
     }
 
-    /// The first address after the highest byte.
+    /// Returns the first address after the highest byte.
     pub fn end(&self) -> u32 {
         self.segments.iter().map(|(address, bytes)| address + bytes.len() as u32).max().unwrap_or(0)
     }
 
-    /// Where the lowest byte goes.
+    /// Returns the address of the lowest byte.
     pub fn start(&self) -> u32 {
         self.segments.iter().map(|(address, _)| *address).min().unwrap_or(0)
     }
@@ -95,8 +95,8 @@ impl Image {
         }
         let mut image = Self::default();
         for segment in header.program_headers(endian, &*bytes).map_err(not_elf)? {
-            // Initial values of variables are loaded from flash too: the physical address says where. Above flash
-            // avr-gcc numbers the other memories (EEPROM at 0x810000), which are not the program's to set here.
+            // Initial values of variables are loaded from flash too: the physical address says where. Above flash,
+            // avr-gcc numbers the other memories (EEPROM at 0x810000), which are not loaded here.
             let address = segment.p_paddr(endian);
             let content = segment.data(endian, &*bytes).unwrap_or_default();
             if segment.p_type(endian) != PT_LOAD || content.is_empty() || address >= 0x80_0000 {
@@ -156,7 +156,7 @@ enum Record {
     Other,
 }
 
-/// One line: `:` count, address, kind, bytes, and a sum that makes all of it zero.
+/// Parses one line: `:` count, address, kind, bytes, and a checksum that makes the sum of all bytes zero.
 fn parse_hex(line: &str) -> Option<Record> {
     if line.is_empty() {
         return Some(Record::Other);

@@ -1,4 +1,4 @@
-//! What each fault does to the board.
+//! The effect of each fault on the board.
 
 use crate::board::Board;
 use crate::encoder::Disturbance;
@@ -8,7 +8,7 @@ use crate::motor::{MotorParameters, NOMINAL_V, Rotor};
 /// The supply in a brown-out, mV.
 const BROWN_OUT_MV: u32 = 2000;
 
-/// Frames of a whole stream, one in each tick of the board.
+/// Frames a second of a full stream, one in each tick of the board.
 const STREAM_HZ: f64 = 200.0;
 
 impl Board {
@@ -60,7 +60,7 @@ impl Board {
             .then_some("there is no robot to push; start with --robot FILE.toml or --robot published")
     }
 
-    /// Ends every fault that can end. What it did to registers and to the program stays.
+    /// Ends every fault that can end. Its effects on registers and on the program stay.
     pub(crate) fn end_faults(&mut self) {
         for motor in 0..2 {
             self.encoder_mut(motor).swap(false);

@@ -5,8 +5,8 @@
 //! serial port, and takes commands on its standard input (see [`control`]).
 //!
 //! Modelled to the cycle: the chip with its UART, I2C master, watchdog and EEPROM, and encoder edges. Modelled physically:
-//! the motors (first order), the sensor's errors and noise ([`imu::errors`]), the hand that turns it ([`imu::hand`]), and the
-//! robot, which is the simulator's ([`plant`]).
+//! the motors (first order), the sensor's errors and noise ([`imu::errors`]), the hand that turns it ([`imu::hand`]),
+//! and the simulated robot ([`plant`]).
 
 #![warn(unsafe_code)]
 

@@ -171,7 +171,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The robot of a file, whose fluid is as warm as the file says.
+/// Reads a robot file; the room is as warm as its fluid.
 fn read_robot(path: &Path) -> Result<Plant, String> {
     let robot = match path.to_str().and_then(Robot::built_in) {
         Some(robot) => robot,
@@ -184,7 +184,7 @@ fn read_robot(path: &Path) -> Result<Plant, String> {
     Plant::new(&robot, room_c).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// A file that does not exist yet is a blank EEPROM.
+/// Loads the EEPROM from a file; a file that does not exist is a blank EEPROM.
 fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
     let eeprom = board.eeprom_mut();
     match std::fs::read(path) {
@@ -196,8 +196,8 @@ fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
     Ok(())
 }
 
-/// Lines of standard input. The channel closes at its end, and the program ends soon after even if it is stuck, for
-/// example because nobody reads its answers.
+/// Returns the lines of standard input. The channel closes at the end of input; the program ends soon after, even if it
+/// is stuck, for example because nobody reads its replies.
 fn commands() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {

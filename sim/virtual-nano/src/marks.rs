@@ -1,4 +1,4 @@
-//! How long the program takes, from the marks that it writes to GPIOR0.
+//! Durations of the program's stages, from the marks that it writes to GPIOR0.
 //!
 //! A mark ends a stage of a tick and begins the next.
 
@@ -10,16 +10,16 @@ pub const TICK_END: u8 = 0x15;
 /// Lengths in cycles.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Lengths {
-    /// How often.
+    /// Their number.
     pub count: u64,
-    /// All together.
+    /// Their sum.
     pub total: u64,
     /// The longest.
     pub worst: u64,
 }
 
 impl Lengths {
-    /// The mean; 0 where there are none.
+    /// Returns the mean; 0 if there are none.
     pub fn mean(&self) -> u64 {
         self.total.checked_div(self.count).unwrap_or(0)
     }
@@ -46,7 +46,7 @@ impl Default for Marks {
 }
 
 impl Marks {
-    /// The program wrote `value`.
+    /// Records that the program wrote `value`.
     pub fn mark(&mut self, cycle: u64, value: u8) {
         if let Some(began) = self.last.replace(cycle) {
             self.stages[usize::from(value)].add(cycle - began);
@@ -62,7 +62,7 @@ impl Marks {
         }
     }
 
-    /// The program was reset: the present stage does not end.
+    /// Records a reset of the program: the present stage does not end.
     pub fn reset(&mut self) {
         self.last = None;
         self.tick_began = None;
@@ -73,12 +73,12 @@ impl Marks {
         *self = Self::default();
     }
 
-    /// From [`TICK_BEGIN`] to [`TICK_END`].
+    /// Returns the durations from [`TICK_BEGIN`] to [`TICK_END`].
     pub fn tick(&self) -> Lengths {
         self.tick
     }
 
-    /// The stage that the mark `value` ends.
+    /// Returns the durations of the stage that the mark `value` ends.
     pub fn stage(&self, value: u8) -> Lengths {
         self.stages[usize::from(value)]
     }

@@ -1,7 +1,7 @@
-//! The chip: a safe face on the shim over simavr. All of this package's unsafe code is here.
+//! The chip: a safe interface to the shim over simavr. All of this package's unsafe code is here.
 //!
 //! An [`Mcu`] owns the devices around it. While it runs it calls them through [`Devices`], each call with the cycle at
-//! which it happens; between runs they are within reach by [`Mcu::devices`].
+//! which it happens; between runs [`Mcu::devices`] gives access to them.
 
 use std::ffi::{c_char, c_int, c_void};
 
@@ -37,18 +37,18 @@ pub struct Outputs {
     pub ocr2a: u8,
 }
 
-/// What a device does with SDA after a byte.
+/// A device's reaction on SDA after a byte.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BusAnswer {
     /// Pulls it low in the ninth bit.
     Ack,
-    /// Lets it be high.
+    /// Releases it.
     Nack,
     /// Keeps it low for good.
     Held,
 }
 
-/// Everything outside of the chip. `cycle` counts from the board's making and never goes back.
+/// Everything outside of the chip. `cycle` counts from the creation of the board and never decreases.
 pub trait Devices {
     /// A START, or a repeated one, and the address byte.
     fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer;
@@ -64,9 +64,9 @@ pub trait Devices {
     fn serial_out(&mut self, cycle: u64, byte: u8);
     /// The byte that has just arrived at the USART; `None` while the line is quiet.
     fn serial_in(&mut self, cycle: u64) -> Option<u8>;
-    /// Something that drives the bridge has changed.
+    /// The bridge's inputs have changed.
     fn outputs(&mut self, cycle: u64, outputs: &Outputs);
-    /// The chip was reset, whatever caused it.
+    /// The chip was reset, for any reason.
     fn reset(&mut self, cycle: u64);
     /// The program wrote GPIOR0.
     fn mark(&mut self, cycle: u64, value: u8);
@@ -77,13 +77,13 @@ pub trait Devices {
 /// Why a run ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum RunState {
-    /// At the cycle that was asked for.
+    /// It reached the requested cycle.
     Running,
     /// The program ran into an opcode or an address that does not exist.
     Crashed,
 }
 
-/// What MCUSR says after a reset.
+/// The cause of a reset in MCUSR.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum ResetCause {
     /// Power came up.
@@ -129,7 +129,7 @@ pub struct Mcu<D: Devices> {
 unsafe impl<D: Devices + Send> Send for Mcu<D> {}
 
 impl<D: Devices> Mcu<D> {
-    /// A chip with this much blank flash. Load it and [`reset`](Self::reset) it before running it.
+    /// Returns a chip with this much blank flash. Load it and [`reset`](Self::reset) it before running it.
     pub fn new(devices: D, flash_bytes: u32) -> Result<Self, UnknownChip> {
         let devices = Box::into_raw(Box::new(devices));
         let table = Table {
@@ -156,13 +156,13 @@ impl<D: Devices> Mcu<D> {
         Ok(Self { raw, devices })
     }
 
-    /// The devices.
+    /// Returns the devices.
     pub fn devices(&self) -> &D {
         // SAFETY: alive until `drop`; the shim touches them only during calls that take `&mut self`.
         unsafe { &*self.devices }
     }
 
-    /// The devices, to change.
+    /// Returns the devices, to change them.
     pub fn devices_mut(&mut self) -> &mut D {
         // SAFETY: as above, and `self` is borrowed for as long as the result.
         unsafe { &mut *self.devices }
@@ -176,7 +176,7 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_flash(self.raw, address, bytes.as_ptr(), length) != 0 }
     }
 
-    /// The EEPROM.
+    /// Returns the EEPROM.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         let mut length = 0;
         // SAFETY: simavr allocates the EEPROM with the chip and frees it with it.
@@ -218,7 +218,7 @@ impl<D: Devices> Mcu<D> {
         assert!(found, "no room in flash for an endless loop");
     }
 
-    /// Keeps the program from its work until `cycle`, with interrupts on.
+    /// Keeps the program busy until `cycle`, with interrupts on.
     ///
     /// # Panics
     /// As [`Self::hang`].
@@ -237,37 +237,37 @@ impl<D: Devices> Mcu<D> {
         }
     }
 
-    /// Cycles since the chip was made.
+    /// Returns the cycles since the chip was made.
     pub fn cycle(&self) -> u64 {
         // SAFETY: `raw` is a chip.
         unsafe { nano_cycle(self.raw) }
     }
 
-    /// To be called after a device changed what it does with SDA outside of a run.
+    /// Updates the level of SDA. Must be called after a device changed its level outside of a run.
     pub fn bus_changed(&mut self) {
         // SAFETY: as in `run_until`.
         unsafe { nano_bus_changed(self.raw) }
     }
 
-    /// To be called after [`Devices::serial_in`] got bytes outside of a run.
+    /// Starts the reception of bytes. Must be called after [`Devices::serial_in`] got bytes outside of a run.
     pub fn serial_wake(&mut self) {
         // SAFETY: `raw` is a chip.
         unsafe { nano_serial_wake(self.raw) }
     }
 
-    /// Cycles that a byte lasts on the line.
+    /// Returns the cycles that a byte lasts on the line.
     pub fn serial_byte_cycles(&self) -> u32 {
         // SAFETY: `raw` is a chip.
         unsafe { nano_serial_byte_cycles(self.raw) }
     }
 
-    /// Bytes that the program read too late.
+    /// Returns the number of bytes that the program read too late.
     pub fn serial_overruns(&self) -> u64 {
         // SAFETY: `raw` is a chip.
         unsafe { nano_serial_overruns(self.raw) }
     }
 
-    /// A byte of data space: registers, then SRAM. Reading a register here has no effect on it.
+    /// Returns a byte of data space: registers, then SRAM. Reading a register here has no effect on it.
     pub fn peek(&self, address: u16) -> u8 {
         // SAFETY: the shim checks the bounds.
         unsafe { nano_peek(self.raw, address) }
@@ -279,13 +279,13 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_poke(self.raw, address, value) }
     }
 
-    /// Bytes of stack used at most, where static data end before `bottom`.
+    /// Returns the largest number of bytes of stack used, if static data end before `bottom`.
     pub fn deepest_stack(&self, bottom: u16) -> u16 {
         // SAFETY: `raw` is a chip.
         unsafe { nano_deepest_stack(self.raw, bottom) }
     }
 
-    /// The program counter as a byte address.
+    /// Returns the program counter as a byte address.
     pub fn pc(&self) -> u32 {
         // SAFETY: `raw` is a chip.
         unsafe { nano_pc(self.raw) }
@@ -348,7 +348,7 @@ unsafe extern "C" {
     fn nano_pc(nano: *const Raw) -> u32;
 }
 
-/// The devices behind a callback's context.
+/// Returns the devices behind a callback's context.
 ///
 /// # Safety
 /// `context` is the `devices` of an [`Mcu`] of the same `D` that is running, so that nothing else refers to them.
@@ -368,7 +368,7 @@ fn answer_bits(answer: BusAnswer) -> u32 {
     }
 }
 
-// In each of these the shim passes on the context that `Mcu::new` gave it, which is what `behind` asks for.
+// In each of these the shim passes on the context from `Mcu::new`, as `behind` requires.
 
 extern "C" fn bus_address<D: Devices>(context: *mut c_void, cycle: u64, address: u8) -> u32 {
     answer_bits(unsafe { behind::<D>(context) }.bus_address(cycle, address))

@@ -1,6 +1,6 @@
 //! A geared brushed motor, seen from the flagellum: first order from voltage to speed.
 //!
-//! speed' = (speed at rest of this voltage - speed) / time constant
+//! speed' = (steady speed at this voltage - speed) / time constant
 
 use crate::bridge::Drive;
 use std::f64::consts::{PI, TAU};
@@ -12,14 +12,14 @@ pub const COUNTS_PER_TURN: f64 = 12.0 * 100.37;
 /// Longest step of the model, s. The speed is taken as constant within it: 1/160 of the time constant.
 pub const STEP_S: f64 = 0.5e-3;
 
-/// Half a count away from an edge, so that nothing but motion makes one.
+/// Half a count away from an edge, so that only motion causes one.
 const START_COUNTS: f64 = 0.5;
 
-/// Interval in which a rotor that slips moves once, s, and by how far: an edge of each channel.
+/// Interval between two moves of a rotor that slips, s, and the size of a move: an edge of each channel.
 const SLIP_S: f64 = 1.0;
 const SLIP_COUNTS: f64 = 2.0;
 
-/// Supply at which a motor has its parameters, V.
+/// Supply for which a motor's parameters hold, V.
 pub const NOMINAL_V: f64 = 6.0;
 
 /// Parameters of a motor.
@@ -33,7 +33,7 @@ pub struct MotorParameters {
     pub coast_time_constant_s: f64,
     /// Fraction of full voltage below which friction keeps it still. Assumed.
     pub dead_zone: f64,
-    /// Fraction of full voltage that starts it from rest: more than the dead zone where the gear sticks.
+    /// Fraction of full voltage that starts it from rest: more than the dead zone if the gear sticks.
     pub breakaway: f64,
 }
 
@@ -52,7 +52,7 @@ impl Default for MotorParameters {
 /// Whether a motor can turn.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub enum Rotor {
-    /// It can.
+    /// It can turn.
     #[default]
     Free,
     /// Something holds it.
@@ -79,7 +79,7 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// A motor at rest.
+    /// Returns a motor at rest.
     pub fn new(parameters: MotorParameters) -> Self {
         Self {
             parameters,
@@ -128,32 +128,32 @@ impl Motor {
         &mut self.parameters
     }
 
-    /// Speed of the flagellum.
+    /// Returns the speed of the flagellum, rpm.
     pub fn speed_rpm(&self) -> f64 {
         self.speed_rpm
     }
 
-    /// The same in rad/s.
+    /// Returns the speed of the flagellum, rad/s.
     pub fn speed_rad_s(&self) -> f64 {
         self.speed_rpm * PI / 30.0
     }
 
-    /// Angle of the flagellum since the start, rad.
+    /// Returns the angle of the flagellum since the start, rad.
     pub fn angle_rad(&self) -> f64 {
         (self.counts - START_COUNTS) / COUNTS_PER_TURN * TAU
     }
 
-    /// Whole encoder counts (edges of both channels) since the start.
+    /// Returns the whole encoder counts (edges of both channels) since the start.
     pub fn encoder_counts(&self) -> i64 {
         self.counts.floor() as i64
     }
 
-    /// Position of the shaft in encoder counts.
+    /// Returns the position of the shaft in encoder counts.
     pub fn counts(&self) -> f64 {
         self.counts
     }
 
-    /// Speed of the shaft in encoder counts per second.
+    /// Returns the speed of the shaft in encoder counts per second.
     pub fn counts_per_second(&self) -> f64 {
         self.speed_rpm / 60.0 * COUNTS_PER_TURN
     }
@@ -177,7 +177,7 @@ impl Motor {
         let before = self.speed_rpm;
         let decay = (-seconds / time_constant_s).exp();
         self.speed_rpm = rest_rpm + (before - rest_rpm) * decay;
-        // Friction ends what would creep for ever, and what turns back without the voltage to break away.
+        // Friction stops a motor that would creep for ever, or turn back without the voltage to break away.
         let creeps = rest_rpm == 0.0 && self.speed_rpm.abs() < 0.05;
         let turns_back = before * self.speed_rpm <= 0.0;
         if creeps || (turns_back && self.voltage().unwrap_or_default().abs() <= self.parameters.breakaway) {
@@ -185,7 +185,7 @@ impl Motor {
         }
     }
 
-    /// The voltage that drives it, as a fraction of the nominal supply.
+    /// Returns the voltage that drives it, as a fraction of the nominal supply.
     fn voltage(&self) -> Option<f64> {
         match self.drive {
             Drive::Voltage(fraction) if self.powered => {

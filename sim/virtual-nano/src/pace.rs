@@ -1,4 +1,4 @@
-//! How fast the board's time passes.
+//! The speed at which the board's time passes.
 
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 /// The board's seconds per second.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Speed {
-    /// So many.
+    /// This many.
     Factor(f64),
-    /// As many as the machine can.
+    /// As many as possible on the machine.
     Max,
     /// As many as the host asks for, one `exchange` after the other.
     Exchange,
@@ -27,18 +27,18 @@ impl FromStr for Speed {
     }
 }
 
-/// Behind by more than this, the board does not try to catch up: the machine was suspended or is too slow.
+/// If it is behind by more than this, the board does not try to catch up: the machine was suspended or is too slow.
 const SLACK: Duration = Duration::from_millis(500);
 
-/// How far a board that runs faster than real time may get ahead of the last byte from its host, which pings every 20 ms
-/// of the board's time. A busy machine may delay the host by 50 ms; at ten times real time that is the motors' deadline,
-/// and five times the delay after which the start of a run counts as late.
+/// Largest lead, over the last byte from its host, of a board that runs faster than real time. The host pings every 20
+/// ms of the board's time. A busy machine may delay the host by 50 ms; at ten times real time that is the motors'
+/// deadline, and five times the delay after which the start of a run counts as late.
 const LEAD_S: f64 = 0.040;
 
-/// How long the board's time waits by default for a host that is silent: it has hung, or waits for the board. The board's
-/// time then passes as fast as ours, and the motors' deadline is that of a real board. This must be shorter than a host's
-/// last wait for an answer, 400 ms, because saving the settings takes the board longer than the lead. A host that sends
-/// something while it waits may ask for more, so that nothing but its end is silence.
+/// Default time that the board waits for a silent host, which has hung or waits for the board. The board's time then
+/// passes as fast as real time, and the motors' deadline is that of a real board. The wait must be shorter than a
+/// host's last wait for an answer, 400 ms, because saving the settings takes the board longer than the lead. A host
+/// that sends something while it waits may ask for more, so that only its end counts as silence.
 pub const PATIENCE_S: f64 = 0.2;
 
 /// Holds the board's time to a speed.
@@ -46,29 +46,29 @@ pub const PATIENCE_S: f64 = 0.2;
 pub struct Pace {
     speed: Speed,
     patience: Duration,
-    /// Our time and the board's (s) from which on it is kept.
+    /// Real time and the board's time (s) from which the speed is kept.
     since: (Instant, f64),
-    /// The same at the last byte from the host.
+    /// Both times at the last byte from the host.
     heard: Option<(Instant, f64)>,
 }
 
 impl Pace {
-    /// From now on, when it is `board_s` for the board, with so much patience for a silent host.
+    /// Returns a pace that starts now, at the board's time `board_s`, with this patience for a silent host.
     pub fn new(speed: Speed, patience: Duration, board_s: f64) -> Self {
         Self { speed, patience, since: (Instant::now(), board_s), heard: None }
     }
 
-    /// Whether the board waits for a slow host rather than lose bytes.
+    /// Returns whether the board waits for a slow host rather than lose bytes.
     pub fn waits_for_host(&self) -> bool {
         self.speed == Speed::Max
     }
 
-    /// Whether time stands still but for exchanges.
+    /// Returns whether time passes only in exchanges.
     pub fn stands_still(&self) -> bool {
         self.speed == Speed::Exchange
     }
 
-    /// Sleeps until `board_s` is due.
+    /// Sleeps until the board's time `board_s` is due.
     pub fn wait_for(&mut self, board_s: f64) {
         let Speed::Factor(factor) = self.speed else { return };
         let due = Duration::from_secs_f64((board_s - self.since.1) / factor);
@@ -80,13 +80,13 @@ impl Pace {
         }
     }
 
-    /// The host has sent something, when it is `board_s` for the board.
+    /// Records that the host sent something at the board's time `board_s`.
     pub fn hear_host(&mut self, board_s: f64) {
         self.heard = Some((Instant::now(), board_s));
     }
 
-    /// Whether a board that runs faster than real time is to wait, so that a host that keeps its deadlines by its own
-    /// clock keeps them by the board's.
+    /// Returns whether a board that runs faster than real time must wait, so that a host that keeps its deadlines by
+    /// its own clock also keeps them by the board's.
     pub fn is_ahead_of_host(&self, board_s: f64) -> bool {
         let faster = match self.speed {
             Speed::Factor(factor) => factor > 1.0,
@@ -100,7 +100,7 @@ impl Pace {
             })
     }
 
-    /// The host has closed the port: nobody is waited for.
+    /// Records that the host has closed the port: the board waits for nobody.
     pub fn lose_host(&mut self) {
         self.heard = None;
     }

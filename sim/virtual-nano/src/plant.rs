@@ -1,11 +1,11 @@
 //! The simulated robot that the board is built into: the board's motors turn the simulator's flagella, and the sensor
 //! sits on the simulator's base.
 //!
-//! The simulator takes steps longer than a tick, and a step needs the motors' speed at its end. So the plant runs ahead of
-//! its motors in windows of [`WINDOW_S`]: at the end of one, the motors' speeds over the next are extrapolated from their
-//! speed and acceleration, and the sensor reads between the solver's steps. A proportional correction of the angle keeps
-//! the simulator's flagella where the encoders are: on the model of the motors, which have a time constant of 80 ms, within
-//! 2 degrees while they start and stop and within 0.001 at a steady speed.
+//! The simulator takes steps longer than a tick, and a step needs the motors' speed at its end. So the plant runs ahead
+//! of its motors in windows of [`WINDOW_S`]: at the end of a window, the motors' speeds over the next are extrapolated
+//! from their speed and acceleration, and the sensor reads between the solver's steps. A proportional correction of the
+//! angle keeps the simulator's flagella at the encoders' angles: for the modelled motors, with a time constant of 80
+//! ms, within 2 degrees while they start and stop and within 0.001 degrees at a steady speed.
 
 use crate::motor::Motor;
 use crate::push::{Axis, Push};
@@ -28,37 +28,37 @@ pub const WINDOW_S: f64 = 1.0 / WINDOWS_HZ;
 /// How far behind the present window the sensor may read, s: the delay of its slowest filter.
 const REACH_S: f64 = 0.1;
 
-/// How long the robot has hung at rest when the board gets power, s: the flagella sag under their weight at first, and the
-/// slowest motion of the robot dies away with a time constant of 10 s.
+/// Time that the robot has hung at rest when the board gets power, s: the flagella sag under their weight at first, and
+/// the slowest motion of the robot dies away with a time constant of 10 s.
 const REST_S: f64 = 150.0;
 
 /// One sample in this many keeps the flagella's shapes.
 const SHAPES_EVERY: u64 = 5;
 
-/// Samples kept until they are taken: those of a minute.
+/// Samples kept until they are taken: a minute's.
 const QUEUE_LENGTH: usize = 60 * WINDOWS_HZ as usize;
 
 /// Interval of the difference quotient for the angular acceleration, s.
 const DIFFERENCE_S: f64 = 1e-3;
 
 /// Share of a window's error in a motor's angle that the next window corrects. At 1 an extrapolation error is gone at
-/// once, and the speed jumps about; the simulator's formulas want it smooth.
+/// once, but the speed jumps; the simulator's formulas need a smooth speed.
 const ANGLE_GAIN: f64 = 0.3;
 
 /// Error of the angle, and motion in a window, below which a motor at rest stays at rest, rad.
 const REST_RAD: f64 = 1e-5;
 
-/// The temperature of the base: first order, from the room's to that of the warm motors.
+/// The temperature of the base: first order, from the room's to the warm motors'.
 #[derive(Clone, Copy, Debug)]
 struct BaseTemperature {
     room_c: f64,
-    /// How much warmer than the room it is.
+    /// Its temperature above the room's.
     rise_c: f64,
 }
 
 /// Speed of both motors for which [`MOTOR_RISE_C`] is assumed, rad/s: 90 rpm.
 const WARM_SPEED: f64 = 90.0 * PI / 30.0;
-/// Assumed: rise of the temperature in the end at that speed.
+/// Assumed: final rise of the temperature at that speed.
 const MOTOR_RISE_C: f64 = 2.0;
 /// Assumed: time constant of the base in the fluid, s.
 const WARMING_S: f64 = 300.0;
@@ -75,7 +75,7 @@ impl BaseTemperature {
     }
 }
 
-/// How the sensor moves, in its own axes.
+/// Movement of the sensor in its own axes.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Movement {
     /// Rate of turn, °/s.
@@ -103,7 +103,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A robot that hangs at rest, with motors at rest.
+    /// Returns a robot that hangs at rest, with motors at rest.
     ///
     /// # Errors
     /// A parameter that is impossible, or a robot that the simulator cannot bring to rest.
@@ -126,7 +126,7 @@ impl Plant {
         Ok(plant)
     }
 
-    /// Reads the board's motors at a time (s). Where a window has ended, the simulator advances by another.
+    /// Reads the board's motors at a time (s). At the end of a window, the simulator advances by another.
     pub fn follow(&mut self, time_s: f64, motors: &[Motor; 2]) {
         while self.failure.is_none() && time_s >= self.end_s() {
             if let Err(problem) = self.advance_window(time_s, motors) {
@@ -160,7 +160,7 @@ impl Plant {
         Some((attitude, rate))
     }
 
-    /// Returns how the sensor moves at a time (s).
+    /// Returns the sensor's movement at a time (s).
     pub fn movement(&self, time_s: f64) -> Movement {
         let temperature_c = self.temperature.celsius();
         let at = |time_s| self.attitude_and_rate(time_s);
@@ -322,7 +322,7 @@ mod tests {
         assert!(plant.movement(3.0).temperature_c > 20.0);
     }
 
-    /// A push turns the robot by its angle, and the sensor measures what happens: the integral of its rate is the turn, and its
+    /// A push turns the robot by its angle, and the sensor measures it: the integral of its rate is the turn, and its
     /// force shows the vertical.
     #[test]
     fn a_push_turns_the_robot_and_the_sensor_feels_it() {

@@ -1,7 +1,7 @@
 //! A pseudo-terminal in the place of the Nano's serial port.
 //!
-//! A pseudo-terminal has no DTR line; a host that opens it takes the place of DTR going low. It has no speed either, but
-//! it keeps the one that the host sets, so that a wrong one is noticed.
+//! A pseudo-terminal has no DTR line; opening it stands for DTR going low. It has no speed either, but it keeps the
+//! speed that the host sets, so that a wrong one is noticed.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
@@ -42,7 +42,7 @@ pub struct PortCount {
 }
 
 impl Port {
-    /// A new port, raw and at the speed that the board's program uses until the host sets another.
+    /// Returns a new port, raw and at the speed of the board's program until the host sets another.
     pub fn new() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
@@ -63,12 +63,12 @@ impl Port {
         &self.path
     }
 
-    /// Whether the host has it open.
+    /// Returns whether the host has it open.
     pub fn is_open(&self) -> bool {
         self.open
     }
 
-    /// Looks whether the host has opened or closed it.
+    /// Checks whether the host has opened or closed it.
     pub fn event(&mut self) -> io::Result<Option<PortEvent>> {
         let open = !self.ready(PollFlags::empty(), Duration::ZERO)?.contains(PollFlags::HUP);
         let event = match (self.open, open) {
@@ -80,7 +80,7 @@ impl Port {
         Ok(event)
     }
 
-    /// Speed that the host has set, bit/s.
+    /// Returns the speed that the host has set, bit/s.
     pub fn baud(&self) -> io::Result<u32> {
         Ok(tcgetattr(&self.master)?.output_speed())
     }
@@ -99,7 +99,7 @@ impl Port {
         }
     }
 
-    /// Sends to the host as many of `bytes` as there is room for, and returns how many that were.
+    /// Sends as many of `bytes` to the host as there is room for; returns their number.
     pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.master, bytes) {
             Ok(length) => Ok(length),

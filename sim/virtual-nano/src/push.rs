@@ -1,8 +1,8 @@
 //! A push: something turns the robot about its joint, like a hand or a wave in the tank.
 //!
-//! The robot turns as a rigid body, and its flagella keep their shape. The rate of the turn rises from zero and falls back to
-//! it without a corner, so that the gyroscope can follow. The simulator turns the robot in steps of its windows; what the sensor
-//! reads in between is interpolated.
+//! The robot turns as a rigid body, and its flagella keep their shape. The rate of the turn rises from zero and falls
+//! back to it smoothly, so that the gyroscope can follow. The simulator turns the robot in steps of its windows; the
+//! sensor's readings in between are interpolated.
 
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -13,7 +13,7 @@ const LENGTH_S: f64 = 0.5;
 /// The axis of a push, through the joint.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Axis {
-    /// The horizontal direction of the base's x axis, which is that of its yaw.
+    /// The horizontal direction of the base's x axis, given by its yaw.
     X,
     /// The horizontal direction of the base's y axis.
     Y,
@@ -38,18 +38,18 @@ pub struct Push {
     begin_s: f64,
     /// The rotation vector of the whole push, world axes, rad.
     rotation: Vector3<f64>,
-    /// The share by which the simulator's robot is turned.
+    /// The share that the simulator's robot has already turned.
     done: f64,
 }
 
 impl Push {
-    /// A push that begins at a time, s. `rotation`: rotation vector in world axes, rad.
+    /// Returns a push that begins at a time, s. `rotation`: rotation vector in world axes, rad.
     pub fn new(begin_s: f64, rotation: Vector3<f64>) -> Self {
         Self { begin_s, rotation, done: 0.0 }
     }
 
-    /// Returns by what the simulator's robot has to turn so that it is where it will be at a time (s), world axes, rad. From
-    /// then on it counts as turned.
+    /// Returns the rotation of the simulator's robot to its attitude at a time (s), world axes, rad. From then on it
+    /// counts as turned.
     pub fn advance_to(&mut self, time_s: f64) -> Vector3<f64> {
         let rotation = self.from_simulated(time_s);
         self.done = self.share(time_s);

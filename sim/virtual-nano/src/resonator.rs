@@ -1,4 +1,4 @@
-//! The chip's resonator: how long its cycles last in the time of the world.
+//! The chip's resonator: its cycles in real time.
 
 use crate::mcu::FREQUENCY_HZ;
 
@@ -32,7 +32,7 @@ impl Resonator {
         self.hz
     }
 
-    /// From this cycle on the frequency is off by a fraction.
+    /// Sets the relative error of the frequency from this cycle on.
     pub fn set_error(&mut self, cycle: u64, fraction: f64) {
         self.since = (cycle, self.seconds(cycle));
         self.hz = FREQUENCY_HZ as f64 * (1.0 + fraction);

@@ -1,5 +1,5 @@
-//! The program's loop: the board runs in slices, and between them bytes pass to and from the port, commands are
-//! followed, and time is kept.
+//! The program's loop: the board runs in slices, and between them bytes pass to and from the port, commands are carried
+//! out, and time is kept.
 
 use crate::board::Board;
 use crate::control::{self, Command};
@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Cycles between two looks at the port: a millisecond.
 const SLICE: u64 = 16_000;
 
-/// How far the speeds of two ends may differ before bytes are misread: half a bit in ten.
+/// Largest difference of the speeds of two ends without misread bytes: half a bit in ten.
 const BAUD_TOLERANCE: f64 = 0.05;
 
 /// A board at its port.
@@ -26,7 +26,7 @@ pub struct Runner {
     pub port: Port,
     /// Its time.
     pub pace: Pace,
-    /// Opening the port resets the board, as DTR does on a Nano.
+    /// Whether opening the port resets the board, as DTR does on a Nano.
     pub reset_on_open: bool,
     /// Bytes that the port has not taken yet.
     pub pending: Vec<u8>,
@@ -59,7 +59,8 @@ impl Runner {
                 Err(TryRecvError::Empty) => {}
             }
             if self.board.plant().is_some_and(|plant| plant.failure().is_some()) {
-                // What the sensor reads from here on is wrong: the board stops, so that nobody takes it for a measurement.
+                // The sensor's readings are wrong from here on: the board stops, so that nobody takes them for
+                // measurements.
                 std::thread::sleep(Duration::from_millis(1));
                 continue;
             }
@@ -82,7 +83,7 @@ impl Runner {
         }
     }
 
-    /// Follows a command. Returns the answer, and whether to go on.
+    /// Carries out a command. Returns the reply, and whether to continue.
     fn follow(&mut self, line: &str) -> (Value, bool) {
         let command = match line.parse::<Command>() {
             Ok(command) => command,

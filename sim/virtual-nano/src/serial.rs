@@ -1,4 +1,4 @@
-//! The line between the chip and the host: bytes in both directions, and what may happen to them on the way.
+//! The line between the chip and the host: bytes in both directions, with losses and damage on the way.
 //!
 //! Frames end with a zero byte (see `protocol::frame`), so that whole ones can be lost or damaged on request and counted
 //! exactly.
@@ -7,7 +7,7 @@ use crate::imu::noise::Noise;
 use crate::usb::Usb;
 use std::collections::VecDeque;
 
-/// Counts of what crossed the line.
+/// Counts of bytes and frames on the line.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct LineCount {
     /// Bytes that went on to the host.
@@ -31,7 +31,7 @@ pub struct Serial {
     to_corrupt: u64,
     /// Share of the stream's frames that are lost at random.
     lost: f64,
-    /// What happens to the frame under way.
+    /// Fate of the frame under way.
     fate: Fate,
     /// Bytes of the frame under way.
     length: u64,
@@ -44,14 +44,14 @@ pub struct Serial {
 enum Fate {
     Arrives,
     Lost,
-    /// Loses its shape at this byte, or earlier if it ends before.
+    /// A bit of this byte is flipped.
     Damaged {
         at: u64,
     },
 }
 
 impl Serial {
-    /// A quiet line. The seed places damage within frames.
+    /// Returns a quiet line. The seed decides where frames are damaged.
     pub fn new(seed: u64) -> Self {
         Self {
             to_chip: VecDeque::new(),
@@ -67,22 +67,22 @@ impl Serial {
         }
     }
 
-    /// The host sends.
+    /// Sends bytes from the host.
     pub fn send(&mut self, bytes: &[u8]) {
         self.to_chip.extend(bytes);
     }
 
-    /// Bytes of the host's that have not reached the chip.
+    /// Returns the number of the host's bytes that have not reached the chip.
     pub fn waiting(&self) -> usize {
         self.to_chip.len()
     }
 
-    /// Takes the bytes that have arrived at the host since the last call, when it is `now_s`.
+    /// Takes the bytes that have arrived at the host since the last call, at the time `now_s`.
     pub fn take(&mut self, now_s: f64) -> Vec<u8> {
         self.usb.take(now_s)
     }
 
-    /// The USB bridge.
+    /// Returns the USB bridge.
     pub fn usb_mut(&mut self) -> &mut Usb {
         &mut self.usb
     }
@@ -102,17 +102,17 @@ impl Serial {
         self.to_corrupt += frames;
     }
 
-    /// Whether the two ends run at different speeds, and so read nonsense.
+    /// Sets whether the two ends run at different speeds and so read nonsense.
     pub fn set_garbled(&mut self, garbled: bool) {
         self.garbled = garbled;
     }
 
-    /// Counts since the start.
+    /// Returns the counts since the start.
     pub fn count(&self) -> LineCount {
         self.count
     }
 
-    /// A byte left the chip.
+    /// Passes on a byte from the chip.
     pub fn from_chip(&mut self, byte: u8) {
         if self.garbled {
             let nonsense = self.noise.next_u64() as u8;
@@ -132,14 +132,14 @@ impl Serial {
             Fate::Lost => {}
             Fate::Damaged { at } if self.length == at => {
                 let flipped = byte ^ 1 << (self.noise.next_u64() % 8);
-                // A new zero would end the frame early and make two of it.
+                // A new zero would split the frame in two.
                 self.pass(if flipped == 0 { byte ^ 0xFF } else { flipped });
             }
             Fate::Damaged { .. } => self.pass(byte),
         }
     }
 
-    /// The byte that arrives at the chip now.
+    /// Returns the byte that arrives at the chip now.
     pub fn to_chip(&mut self) -> Option<u8> {
         let byte = self.to_chip.pop_front()?;
         self.count.bytes_received += 1;
@@ -147,7 +147,7 @@ impl Serial {
     }
 
     fn begin_frame(&mut self, first: u8) {
-        // COBS begins with the distance to the first zero, and a reply's payload begins with one.
+        // COBS begins with the distance to the first zero, and a reply's payload begins with a zero.
         let is_answer = first == 1;
         self.fate = if is_answer {
             Fate::Arrives

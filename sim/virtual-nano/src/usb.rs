@@ -1,9 +1,9 @@
 //! The USB bridge between the USART and the host: it collects bytes in packets.
 
-/// A bridge. It sends a packet when it is full, or when its latency timer has run since the last packet.
+/// A bridge. It sends a packet when it is full, or when its latency timer, started by the last packet, runs out.
 #[derive(Clone, Debug)]
 pub struct Usb {
-    /// Bytes in a full packet; 0: every byte goes on at once.
+    /// Bytes in a full packet; with 0, every byte is passed on at once.
     packet: usize,
     latency_s: f64,
     waiting: Vec<u8>,
@@ -11,7 +11,7 @@ pub struct Usb {
 }
 
 impl Usb {
-    /// One that passes every byte on at once.
+    /// Returns a bridge that passes every byte on at once.
     pub fn immediate() -> Self {
         Self { packet: 0, latency_s: 0.0, waiting: Vec::new(), sent_s: 0.0 }
     }
@@ -21,7 +21,7 @@ impl Usb {
         (self.packet, self.latency_s) = (packet, latency_s);
     }
 
-    /// A byte from the board.
+    /// Takes a byte from the board.
     pub fn push(&mut self, byte: u8) {
         self.waiting.push(byte);
     }

@@ -1,4 +1,4 @@
-//! The interrupts of the encoders, written by hand: what has to be done at a spike by the PWM, and the way to [`edge_of_1`] and
+//! The hand-written interrupts of the encoders: the reaction to a spike by the PWM, and the jumps to [`edge_of_1`] and
 //! [`edge_of_2`].
 
 use core::arch::global_asm;
@@ -29,8 +29,8 @@ const fn place(encoder: usize, field: usize) -> usize {
 unsafe extern "C" {
     /// Sets the carry if the PWM disturbs, and r24 to the counts since its edge. Changes r25, too.
     ///
-    /// A motor's PWM has an edge at the count of 0 and at that after the compare value. A new compare value comes into force at 0
-    /// only, so that the edge may be at the one before, which compare register B has.
+    /// A motor's PWM has an edge at the count of 0 and at the count after the compare value. A new compare value comes
+    /// into force at 0 only, so the edge may be at the old value, which compare register B has.
     pub fn since_pwm();
 }
 
@@ -90,7 +90,7 @@ macro_rules! interrupt_of {
             "out {sreg}, r24",
             "in r24, {scratch}",
             "jmp {edge}",
-            // What comes from here on interrupts again.
+            // An edge from here on interrupts again.
             "1:",
             "push r30",
             "mov r25, r24",
@@ -124,8 +124,8 @@ macro_rules! interrupt_of {
             "out {sreg}, r24",
             "in r24, {scratch}",
             "reti",
-            // Changed, for the first time since the last edge: looks again at the end of the time since the PWM's edge, which is in
-            // r25.
+            // Changed, for the first time since the last edge: looks again when the lines are at rest, counted from the
+            // PWM's edge; r25 has the counts since it.
             "3:",
             "tst r30",
             "brne 5b",

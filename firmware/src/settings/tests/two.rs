@@ -14,7 +14,7 @@ pub fn old() -> Settings {
     }
 }
 
-/// Settings of which every byte differs from those of `old`.
+/// Returns settings that differ from `old` in every byte.
 pub fn new() -> Settings {
     let axes = |axes: [&str; 3]| AxisMap(axes.map(|name| Axis::from_name(name).unwrap()));
     Settings {

@@ -1,21 +1,22 @@
-//! The errors of a sensor: none, drawn by a seed, or from a file.
+//! The errors of a sensor: none, drawn from a seed, or from a file.
 //!
-//! A sensor with these errors reads, of rates (°/s) and specific forces (g) in its own axes:
+//! For rates (°/s) and specific forces (g) in its own axes, a sensor with these errors reads:
 //!
 //! ```text
 //! rate_read[i]  = (1 + gyro_scale[i]) rate[i]   + Σ gyro_cross[i][j] rate[j]   + Σ gyro_g_dps[i][j] force[j] + bias + noise
 //! force_read[i] = (1 + accel_scale[i]) force[i] + Σ accel_cross[i][j] force[j]                               + bias + noise
 //! ```
 //!
-//! Its axes are the body's, turned by `mounting_deg`. A bias is that at 25 °C, its change with temperature and, of the
-//! gyroscope, a random walk and flicker. Of the data sheet (PS-MPU-6000A-00, revision 3.4, sections 6.1 and 6.2) are left out:
-//! nonlinearity, the change of scales with temperature, and the influence of the supply.
+//! Its axes are the body's, turned by `mounting_deg`. A bias is the sum of the bias at 25 °C, its change with
+//! temperature and, for the gyroscope, a random walk and flicker. Three errors of the data sheet (PS-MPU-6000A-00,
+//! revision 3.4, sections 6.1 and 6.2) are left out: nonlinearity, the change of scales with temperature, and the
+//! influence of the supply.
 
 use super::noise::Noise;
 use super::scale::{ACCEL_NOISE_G, GYRO_NOISE_DPS};
 
-/// The errors of a sensor and of the board's clock. `Default` has none but the white noise of the data sheet. Their
-/// meanings and units are those of the keys of a `sensor_file`.
+/// The errors of a sensor and of the board's clock. `Default` has only the white noise of the data sheet. Meanings and
+/// units are the same as for the keys of a `sensor_file`.
 #[derive(Clone, PartialEq, Debug)]
 #[expect(missing_docs, reason = "`sensor_file` says what each of them is")]
 pub struct Errors {
@@ -65,47 +66,46 @@ impl Default for Errors {
     }
 }
 
-/// Draws of [`Errors::ideal`].
+/// Numbers for the draws of [`Errors::ideal`].
 mod ideal {
     /// Bias of the gyroscope, °/s: the data sheet allows ±20; usual parts are better.
     pub const GYRO_BIAS_DPS: f64 = 2.0;
     /// Its change, °/s a degree: a tenth of the data sheet's ±20 °/s between 25 and -40 °C.
     pub const GYRO_DRIFT_DPS_PER_C: f64 = 0.03;
-    /// Random walk, °/s/√s: a lying MPU6050 (`tests/data/mpu6050/still-655s.csv`).
+    /// Random walk, °/s/√s: an MPU6050 at rest (`tests/data/mpu6050/still-655s.csv`).
     pub const GYRO_WALK_DPS: f64 = 1e-4;
-    /// Bias of the accelerometer, g: the data sheet allows ±0.05 (z: ±0.08); the part of that recording has some 0.04.
+    /// Bias of the accelerometer, g: the data sheet allows ±0.05 (z: ±0.08); the recorded part has about 0.04.
     pub const ACCEL_BIAS_G: f64 = 0.015;
     /// Its change, g a degree: half of the limit below.
     pub const ACCEL_DRIFT_G_PER_C: f64 = 0.4e-3;
-    /// Limit of that change: the data sheet's ±35 mg of x and y over the 45 °C from 25 to 70 °C. Of z it allows more.
+    /// Limit of that change: the data sheet's ±35 mg for x and y over the 45 °C from 25 to 70 °C. It allows more for z.
     pub const ACCEL_DRIFT_LIMIT_G_PER_C: f64 = 0.035 / 45.0;
     /// Warming by its own power, °C: assumed.
     pub const WARMING_C: f64 = 1.5;
 }
 
-/// Limits of [`Errors::typical`]: of the data sheet where nothing else is said.
+/// Limits of [`Errors::typical`], from the data sheet unless noted.
 mod typical {
     pub const GYRO_SCALE: f64 = 0.03;
     pub const GYRO_CROSS: f64 = 0.02;
     pub const GYRO_G_DPS: f64 = 0.1;
     pub const ACCEL_SCALE: f64 = 0.03;
     pub const ACCEL_CROSS: f64 = 0.02;
-    /// The sensor's own oscillator, which is that of a gyroscope (section 7.15).
+    /// The sensor's own oscillator, a gyroscope's (section 7.15).
     pub const SAMPLE_CLOCK: f64 = 0.01;
-    /// The ceramic resonator of a Nano, as they are sold.
+    /// The ceramic resonator of a usual Nano.
     pub const BOARD_CLOCK: f64 = 0.005;
     /// Assumed: a module that was glued in by eye, °.
     pub const MOUNTING_DEG: f64 = 2.0;
-    /// Flicker, °/s: half as much again as axis x of `tests/data/mpu6050/still-655s.csv` has, whose other axes have none
-    /// that shows.
+    /// Flicker, °/s: 1.5 times that of axis x in `tests/data/mpu6050/still-655s.csv`, whose other axes show none.
     pub const FLICKER_DPS: f64 = 0.006;
     /// Assumed, s: the bias follows the structure, which the chip's thermometer does not touch.
     pub const THERMOMETER_LAG_S: f64 = 20.0;
 }
 
 impl Errors {
-    /// Returns those of a part that a lab has put on a turntable: scales, axes and clocks are exact; biases are drawn as
-    /// normal numbers, cut at three deviations, or at the data sheet's limit where that is less.
+    /// Returns the errors of a part calibrated on a turntable: scales, axes and clocks are exact; biases are drawn from
+    /// normal distributions, cut at three standard deviations, or at the data sheet's limit if that is less.
     pub fn ideal(seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let mut draw = |spread: f64| spread * noise.normal().clamp(-3.0, 3.0);
@@ -122,10 +122,10 @@ impl Errors {
         }
     }
 
-    /// Returns those of a part that people buy and put in: the biases of [`Errors::ideal`] of the same seed, and all else
-    /// equally likely within the limits of the data sheet.
+    /// Returns the errors of a part that is used as bought: the biases of [`Errors::ideal`] with the same seed, and all
+    /// other errors uniform within the limits of the data sheet.
     pub fn typical(seed: u64) -> Self {
-        // Numbers of their own, so that the biases stay those of the ideal part.
+        // A sequence of its own, so that the biases stay those of the ideal part.
         let mut noise = Noise::new(seed ^ 0x5459_5049_4341_4C00);
         let mut draw = |limit: f64| limit * (2.0 * noise.uniform() - 1.0);
         let mut three = |limit: f64| std::array::from_fn(|_| draw(limit));

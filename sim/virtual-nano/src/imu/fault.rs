@@ -1,11 +1,11 @@
-//! What can go wrong with the sensor, and when.
+//! Faults of the sensor, and when they strike.
 
 use crate::mcu::BusAnswer;
 
 /// The byte of a transaction that a fault strikes.
 ///
-/// Bytes count from 0 with the first address byte; a repeated START does not begin anew. A register read is 0: address
-/// for writing, 1: register, 2: address for reading, 3 and on: data.
+/// Bytes count from 0 with the first address byte; a repeated START does not restart the count. A register read is 0:
+/// address for writing, 1: register, 2: address for reading, 3 and on: data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct At {
     /// Number of the transaction, counted from 1 at power-up; `None` for the next one that reaches the byte.
@@ -15,12 +15,12 @@ pub struct At {
 }
 
 impl At {
-    /// The next transaction, from its first byte.
+    /// Returns the first byte of the next transaction.
     pub fn now() -> Self {
         Self::byte(0)
     }
 
-    /// That byte of the next transaction that has so many.
+    /// Returns this byte of the next transaction that reaches it.
     pub fn byte(byte: u8) -> Self {
         Self { transaction: None, byte }
     }
@@ -29,12 +29,12 @@ impl At {
 /// A fault.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Fault {
-    /// That byte is not acknowledged, and nothing after it in its transaction. Bytes that the part sends have no
-    /// acknowledgement of its own: there this fault does not strike.
+    /// That byte and all later ones of its transaction are not acknowledged. The part does not acknowledge bytes that
+    /// it sends: this fault does not strike there.
     Nack {
         /// When.
         at: At,
-        /// In how many transactions.
+        /// Number of transactions.
         count: u32,
     },
     /// From that byte on the part no longer responds, as if its wires were cut: reading gives ones.
@@ -46,12 +46,12 @@ pub enum Fault {
     Stuck {
         /// When.
         at: At,
-        /// Pulses on SCL that free it, made by hand; `None` for ever.
+        /// Number of bit-banged SCL pulses that free it; `None` for ever.
         clocks: Option<u8>,
     },
     /// The data registers keep their values.
     Frozen,
-    /// The same, though DATA_RDY says with each sample that they are new.
+    /// The same, but DATA_RDY reports each sample as new.
     Repeats,
     /// The gyroscope reads zero.
     GyroZero,
@@ -93,7 +93,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Adds one.
+    /// Adds a fault.
     pub fn add(&mut self, fault: Fault) {
         self.data = match fault {
             Fault::Frozen => Data::Frozen,
@@ -104,32 +104,32 @@ impl Faults {
         self.struck += 1;
     }
 
-    /// A START after a STOP.
+    /// Begins a transaction, with a START after a STOP.
     pub fn begin_transaction(&mut self) {
         self.silent = false;
     }
 
-    /// How many have struck.
+    /// Returns the number of faults that have struck.
     pub fn struck(&self) -> u64 {
         self.struck
     }
 
-    /// How the data registers follow the motion.
+    /// Returns how the data registers follow the motion.
     pub fn data(&self) -> Data {
         self.data
     }
 
-    /// Whether SDA is held low.
+    /// Returns whether SDA is held low.
     pub fn holds_sda(&self) -> bool {
         self.held.is_some()
     }
 
-    /// Whether a glitch has just struck.
+    /// Returns whether a glitch has just struck.
     pub fn take_glitch(&mut self) -> bool {
         std::mem::take(&mut self.glitch)
     }
 
-    /// A pulse on SCL.
+    /// Counts a pulse on SCL.
     pub fn clock(&mut self) {
         match &mut self.held {
             Some(Some(0 | 1)) => self.held = None,
@@ -138,14 +138,15 @@ impl Faults {
         }
     }
 
-    /// Returns the reply to byte `byte` of transaction `transaction`, where a fault gives one. `sends`: the part sends it.
+    /// Returns the reply to byte `byte` of transaction `transaction`, if a fault gives one. `sends`: whether the part
+    /// sends the byte.
     pub fn strike(&mut self, transaction: u64, byte: u8, sends: bool) -> Option<BusAnswer> {
         let due = |at: &At| at.byte == byte && at.transaction.is_none_or(|number| number == transaction);
         self.waiting.retain_mut(|fault| match fault {
             Fault::Nack { at, count } if due(at) && !sends => {
                 self.silent = true;
                 self.struck += 1;
-                // Those that follow strike the same byte of any transaction.
+                // Later ones strike the same byte of any transaction.
                 at.transaction = None;
                 *count = count.saturating_sub(1);
                 *count > 0

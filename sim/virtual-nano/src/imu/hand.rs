@@ -1,10 +1,10 @@
 //! The sensor in a person's hand: it lies still, z up, until it is turned or posed.
 //!
-//! An attitude rotates vectors of body axes into those of the world, whose z is up. A movement leads from one nominal
-//! attitude to the next along one rotation, with the speed profile of the least jerk (Flash and Hogan 1985, doi
-//! 10.1523/JNEUROSCI.05-07-01688.1985), which is that of people. Two errors of a person are added, which may be set: the
-//! hand sways on its way, and it stops beside the mark. Stops err about the nominal attitude, so that their errors do not
-//! add up. The sensor turns about itself: it feels no centripetal force.
+//! An attitude rotates vectors from body axes to world axes, z up. A movement leads from one nominal attitude to the
+//! next along one rotation, with the speed profile of least jerk, as people move (Flash and Hogan 1985, doi
+//! 10.1523/JNEUROSCI.05-07-01688.1985). Two human errors are added and can be set: the hand sways on its way, and it
+//! stops beside the mark. Stops err about the nominal attitude, so their errors do not add up. The sensor turns about
+//! its own centre and feels no centripetal force.
 
 use super::noise::Noise;
 use super::part::ROOM_C;
@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 use std::str::FromStr;
 
-/// Frequency of the sway, Hz: that of slow corrections, no tremor.
+/// Frequency of the sway, Hz: slow corrections, not tremor.
 const SWAY_HZ: f64 = 0.7;
 
 /// Half the interval of the difference quotient for the rate, s.
@@ -37,7 +37,7 @@ impl Default for Grip {
 }
 
 impl Grip {
-    /// Errs in nothing.
+    /// A hand without errors.
     pub const EXACT: Self = Self { stop_deg: 0.0, sway_deg: 0.0 };
 }
 
@@ -114,11 +114,11 @@ impl Step {
 /// The begin and end of a movement.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Span {
-    /// The board's time, s.
+    /// The board's time at its begin, s.
     pub begin_s: f64,
-    /// The same.
+    /// The board's time at its end, s.
     pub end_s: f64,
-    /// By how much the hand stops beside the nominal attitude: rotation vector in body axes, °.
+    /// Error of the stop about the nominal attitude: rotation vector in body axes, °.
     pub off_deg: [f64; 3],
 }
 
@@ -126,18 +126,18 @@ pub struct Span {
 #[derive(Clone, Debug)]
 pub struct Hand {
     grip: Grip,
-    /// Of its own, so that a movement does not change the sensor's noise.
+    /// The hand's own, so that a movement does not change the sensor's noise.
     noise: Noise,
     /// The nominal attitude after the last movement.
     nominal: UnitQuaternion<f64>,
     /// The error of that attitude.
     off: Vector3<f64>,
-    /// In the order of time, the last that has ended included.
+    /// In the order of time, including the last one that has ended.
     steps: VecDeque<Step>,
 }
 
 impl Hand {
-    /// Holds the sensor still, z up. The seed gives its errors.
+    /// Returns a hand that holds the sensor still, z up. The seed gives its errors.
     pub fn new(grip: Grip, seed: u64) -> Self {
         let (nominal, off) = (UnitQuaternion::identity(), Vector3::zeros());
         Self { grip, noise: Noise::new(seed ^ 0x4841_4E44), nominal, off, steps: VecDeque::new() }
@@ -148,8 +148,8 @@ impl Hand {
         self.grip = grip;
     }
 
-    /// Turns the sensor about one of its body axes by an angle within a time, at the board's time `now_s` or after the
-    /// movements before.
+    /// Turns the sensor about one of its body axes by an angle within a time, at the board's time `now_s` or after
+    /// earlier movements.
     pub fn turn(&mut self, now_s: f64, axis: Unit<Vector3<f64>>, angle_deg: f64, length_s: f64) -> Span {
         self.go(now_s, *axis * angle_deg.to_radians(), length_s)
     }
@@ -184,7 +184,7 @@ impl Hand {
         Span { begin_s, end_s, off_deg: off.map(f64::to_degrees).into() }
     }
 
-    /// Whether a movement is under way or waits at a time.
+    /// Returns whether a movement is under way or waits at a time.
     pub fn is_moving(&self, time_s: f64) -> bool {
         self.steps.back().is_some_and(|step| time_s < step.end_s)
     }
@@ -195,7 +195,7 @@ impl Hand {
         begun.or(self.steps.front()).map_or(self.nominal, |step| step.attitude(time_s))
     }
 
-    /// Returns how the sensor moves at a time. Times do not go back.
+    /// Returns the sensor's movement at a time. Times must not decrease.
     pub fn movement(&mut self, time_s: f64) -> Movement {
         while self.steps.get(1).is_some_and(|next| next.end_s < time_s) {
             self.steps.pop_front();
@@ -241,7 +241,7 @@ mod tests {
             assert_eq!((spans[0].begin_s, spans[1].begin_s, spans[2].end_s), (1.0, 10.3, 19.8));
             for (i, span) in spans.into_iter().enumerate() {
                 if i == 0 {
-                    // Of a turn that sways, too, the rate about the axis is the whole turn but for the sway's coning.
+                    // Also with sway, the rate about the axis adds up to the whole turn, except for the sway's coning.
                     let mut other = hand.clone();
                     turned =
                         (0..9300).map(|ms| other.movement(1.0 + (f64::from(ms) + 0.5) * 1e-3).rate_dps[2] * 1e-3).sum();

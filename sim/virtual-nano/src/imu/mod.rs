@@ -43,8 +43,8 @@ const SLEEP: u8 = 0x40;
 /// In INT_ENABLE and INT_STATUS.
 const DATA_RDY: u8 = 0x01;
 
-/// How long a reset by DEVICE_RESET lasts, s: the bit stays set, and what is written is lost. Assumed: as long as the
-/// typical start-up of the registers after power-up (data sheet, section 6.3).
+/// How long a reset by DEVICE_RESET lasts, s: the bit stays set, and writes are lost. Assumed: as long as the typical
+/// start-up of the registers after power-up (data sheet, section 6.3).
 const RESET_S: f64 = 0.020;
 
 /// State of a transaction.
@@ -60,7 +60,7 @@ enum Phase {
     Reading,
 }
 
-/// Counts of what happened on the bus.
+/// Counts of events on the bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct BusCount {
     /// From START to STOP.
@@ -87,7 +87,7 @@ pub struct Mpu6050 {
     reset_until_s: Option<f64>,
     /// The time of the last address byte, s.
     time_s: f64,
-    /// By which fraction its own oscillator is too fast.
+    /// Fraction by which its own oscillator is too fast.
     oscillator_error: f64,
     in_transaction: bool,
     /// Bytes of this transaction so far, addresses included.
@@ -97,7 +97,7 @@ pub struct Mpu6050 {
 }
 
 impl Mpu6050 {
-    /// One that has just got power.
+    /// Returns a part that has just got power.
     pub fn new(id: u8, source: Source) -> Self {
         let oscillator_error = source.part().errors().sample_clock_error;
         let mut part = Self {
@@ -120,7 +120,7 @@ impl Mpu6050 {
         part
     }
 
-    /// Counts since the start.
+    /// Returns the counts since the start.
     pub fn count(&self) -> BusCount {
         self.count
     }
@@ -147,7 +147,7 @@ impl Mpu6050 {
         self.count.faults += 1;
     }
 
-    /// Makes its own oscillator too fast by a fraction, instead of by that of its errors.
+    /// Makes its own oscillator too fast by this fraction, instead of the one in its errors.
     pub fn set_oscillator_error(&mut self, fraction: f64) {
         self.oscillator_error = fraction;
     }
@@ -162,17 +162,17 @@ impl Mpu6050 {
         }
     }
 
-    /// Ends all faults. What they did to the registers stays.
+    /// Ends all faults. Their effects on the registers stay.
     pub fn clear_faults(&mut self) {
         self.faults = Faults::default();
     }
 
-    /// Whether the part keeps SDA low.
+    /// Returns whether the part keeps SDA low.
     pub fn holds_sda(&self) -> bool {
         self.faults.holds_sda()
     }
 
-    /// An address byte after a START, at a time in s.
+    /// Takes an address byte after a START, at a time in s.
     pub fn address(&mut self, time_s: f64, address: u8) -> BusAnswer {
         if !self.in_transaction {
             self.in_transaction = true;
@@ -201,7 +201,7 @@ impl Mpu6050 {
         BusAnswer::Ack
     }
 
-    /// A byte from the master.
+    /// Takes a byte from the master.
     pub fn write(&mut self, byte: u8) -> BusAnswer {
         if let Some(answer) = self.strike(false) {
             return answer;
@@ -220,7 +220,7 @@ impl Mpu6050 {
         BusAnswer::Ack
     }
 
-    /// A byte to the master; `None` while SDA is held low. A silent bus reads as ones.
+    /// Returns a byte to the master; `None` while SDA is held low. A silent bus reads as ones.
     pub fn read(&mut self) -> Option<u8> {
         match self.strike(true) {
             Some(BusAnswer::Held) => return None,
@@ -238,13 +238,13 @@ impl Mpu6050 {
         Some(value)
     }
 
-    /// A STOP.
+    /// Takes a STOP.
     pub fn stop(&mut self) {
         self.in_transaction = false;
         self.phase = Phase::Unselected;
     }
 
-    /// The master releases or pulls the lines. Returns whether the part releases SDA.
+    /// Takes a change of the lines by the master. Returns whether the part releases SDA.
     pub fn lines(&mut self, scl: bool) -> bool {
         if scl && !self.scl {
             self.faults.clock();
@@ -299,7 +299,7 @@ impl Mpu6050 {
         self.registers[usize::from(address & 0x7F)]
     }
 
-    /// Samples per second, as the registers ask for.
+    /// Returns the samples per second that the registers set.
     fn sample_rate_hz(&self) -> f64 {
         let is_unfiltered = matches!(self.register(register::CONFIG) & 7, 0 | 7);
         let rate_hz = if is_unfiltered { scale::RATE_UNFILTERED_HZ } else { scale::RATE_FILTERED_HZ };
@@ -321,7 +321,7 @@ impl Mpu6050 {
         if self.faults.data() != Data::Repeated {
             self.set_data(number as f64 / rate_hz);
         }
-        // Only an interrupt that is enabled is generated, and the bit says that it was (section 4.21).
+        // Only an enabled interrupt is generated, and the bit shows it (section 4.21).
         self.registers[usize::from(register::INT_STATUS)] |= self.register(register::INT_ENABLE) & DATA_RDY;
     }
 

@@ -1,4 +1,4 @@
-//! A part: what a sensor with given [`Errors`] reads of a movement. Random numbers are the caller's.
+//! A part: the readings of a sensor with given [`Errors`]. The caller provides the random numbers.
 
 use super::errors::Errors;
 use super::noise::Noise;
@@ -7,10 +7,10 @@ use super::spectrum::{Flicker, LowPassed};
 use crate::plant::Movement;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Time constant of the warming by its own power from power on, s: assumed.
+/// Time constant of the warming by its own power after power-up, s: assumed.
 const WARMING_S: f64 = 150.0;
 
-/// Temperature at which the biases are as given, and of a body that says nothing of its own, °C.
+/// Reference temperature of the biases, and default temperature of a body, °C.
 pub const ROOM_C: f64 = 25.0;
 
 /// A part.
@@ -19,21 +19,21 @@ pub struct Part {
     errors: Errors,
     /// From the sensor's axes to the body's.
     mounting: Rotation3<f64>,
-    /// By which fraction both sensors read too much beside their errors: a fault.
+    /// Fraction by which both sensors read too much beside their errors: a fault.
     pub scale: f64,
-    /// Which fraction of the next axis (y for x, z for y, x for z) each axis of both sensors reads with its own: a fault.
+    /// Fraction of the next axis (y for x, z for y, x for z) that each axis of both sensors also reads: a fault.
     pub askew: f64,
-    /// How far the gyroscope's bias has walked, °/s.
+    /// Random walk of the gyroscope's bias so far, °/s.
     walked_dps: [f64; 3],
     walked_until_s: f64,
     flicker: [Flicker; 3],
-    /// What the thermometer shows, °C, and when; `None` before the first reading.
+    /// Last reading of the thermometer, °C, and its time; `None` before the first reading.
     thermometer: Option<(f64, f64)>,
     gyro_noise: [LowPassed; 3],
     accel_noise: [LowPassed; 3],
 }
 
-/// What a sensor measures, before its resolution and range.
+/// A sensor's measurement before its resolution and range take effect.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Signal {
     /// Rate of turn, °/s.
@@ -45,7 +45,7 @@ pub struct Signal {
 }
 
 impl Part {
-    /// One that has just got power.
+    /// Returns a part that has just got power.
     pub fn new(errors: Errors) -> Self {
         let mounting = Rotation3::new(Vector3::from(errors.mounting_deg).map(f64::to_radians));
         Self {
@@ -67,7 +67,8 @@ impl Part {
         &self.errors
     }
 
-    /// Returns what it measures of a movement of the body, in its own axes, without white noise. Times do not go back.
+    /// Returns its measurement of a movement of the body, in its own axes, without white noise. Times must not
+    /// decrease.
     pub fn measure(&mut self, movement: &Movement, time_s: f64, noise: &mut Noise) -> Signal {
         let temperature_c = self.temperature_c(time_s, movement.temperature_c);
         let (gyro_bias, accel_bias) = self.bias(time_s, temperature_c, noise);
@@ -80,7 +81,7 @@ impl Part {
         }
     }
 
-    /// Returns its white noise, °/s and g, behind its low-pass filter. Times do not go back.
+    /// Returns its white noise, °/s and g, behind its low-pass filter. Times must not decrease.
     pub fn white(&mut self, time_s: f64, low_pass: LowPass, noise: &mut Noise) -> ([f64; 3], [f64; 3]) {
         let Errors { gyro_noise_dps_per_rt_hz, accel_noise_g_per_rt_hz, .. } = self.errors;
         let gyro = self.gyro_noise.each_mut().map(|axis| axis.at(time_s, low_pass.gyro_hz, noise));
@@ -93,7 +94,7 @@ impl Part {
         base_c + self.errors.warming_c * (1.0 - (-time_s / WARMING_S).exp())
     }
 
-    /// Returns what its thermometer shows where it is `temperature_c` warm since the last reading.
+    /// Returns the reading of its thermometer if its temperature has been `temperature_c` since the last reading.
     fn thermometer_c(&mut self, time_s: f64, temperature_c: f64) -> f64 {
         let shown_c = match self.thermometer {
             Some((shown_c, before_s)) if self.errors.thermometer_lag_s > 0.0 => {
@@ -106,7 +107,7 @@ impl Part {
         shown_c
     }
 
-    /// Returns what its axes read of a rate (°/s) and force (g) in body axes, without bias.
+    /// Returns the readings of its axes for a rate (°/s) and force (g) in body axes, without bias.
     fn distort(&self, rate_dps: [f64; 3], force_g: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let errors = &self.errors;
         let rate = self.mounting.inverse_transform_vector(&rate_dps.into());
@@ -116,12 +117,12 @@ impl Part {
         (self.spoil(rate_read.into()), self.spoil(force_read.into()))
     }
 
-    /// Adds what faults do.
+    /// Adds the effects of faults.
     fn spoil(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         [x + self.askew * y, y + self.askew * z, z + self.askew * x].map(|value| value * (1.0 + self.scale))
     }
 
-    /// Returns its bias of the rates, °/s, and of the forces, g, at a time and temperature. Times do not go back.
+    /// Returns its bias of the rates, °/s, and of the forces, g, at a time and temperature. Times must not decrease.
     fn bias(&mut self, time_s: f64, temperature_c: f64, noise: &mut Noise) -> ([f64; 3], [f64; 3]) {
         let Self { errors, walked_dps, flicker, .. } = self;
         let passed = (time_s - self.walked_until_s).max(0.0);
@@ -147,7 +148,7 @@ fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| rows[i][j])
 }
 
-/// Returns the matrix from what there is to what is read.
+/// Returns the matrix from true values to readings.
 fn response(scale: &[f64; 3], cross: &[[f64; 3]; 3]) -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vector3::from(*scale).add_scalar(1.0)) + matrix(cross)
 }

@@ -1,20 +1,20 @@
 //! A recording of an MPU6050's raw counts, from a CSV file.
 //!
-//! Lines that begin with `#` say where it came from; among them stand the ranges, as `accel full scale +-8 g` and `gyro
-//! full scale +-250 deg/s`, and, where it is known, what the gyroscope reads at rest, as `gyro at rest 592,7,147`
-//! (counts). Then follow the column names `t_s,ax,ay,az,gx,gy,gz,temp_c` and a line a sample: seconds from the
-//! beginning, counts, degrees Celsius.
+//! Lines that begin with `#` describe its origin. They include the ranges, as `accel full scale +-8 g` and
+//! `gyro full scale +-250 deg/s`, and, if known, the gyroscope's reading at rest, as `gyro at rest 592,7,147` (counts).
+//! The column names `t_s,ax,ay,az,gx,gy,gz,temp_c` follow, and then a line a sample: seconds from the beginning,
+//! counts, degrees Celsius.
 
 use super::scale::{self, Range};
 use std::path::{Path, PathBuf};
 
 const COLUMNS: &str = "t_s,ax,ay,az,gx,gy,gz,temp_c";
 
-/// Time at the start and at the end that shows how the sensor lay, s.
+/// Time at the start and at the end that shows the sensor's attitude, s.
 const REST_S: f64 = 0.5;
 
-/// Readings that vary less than this are those of a sensor that lies still: three times the noise that the data sheet
-/// gives for all axes together, at ±250 °/s.
+/// Readings that vary less than this are from a sensor that lies still: three times the data sheet's noise of all axes
+/// together, at ±250 °/s.
 const STILL_COUNTS: f64 = 60.0;
 
 /// A sample.
@@ -35,7 +35,7 @@ pub struct Sample {
 pub struct Recording {
     /// The accelerometer's range.
     pub accel_range: Range,
-    /// The gyroscope's.
+    /// The gyroscope's range.
     pub gyro_range: Range,
     samples: Vec<Sample>,
     gyro_at_rest: [f64; 3],
@@ -119,15 +119,15 @@ impl Recording {
         })
     }
 
-    /// Seconds from the first sample to the last.
+    /// Returns the seconds from the first sample to the last.
     pub fn duration_s(&self) -> f64 {
         self.last().time_s - self.first().time_s
     }
 
     /// Returns the reading `seconds` after the first sample, interpolated; beyond the end the last one.
     ///
-    /// The integral of the rates is then that of the recording by the trapezium rule. With samples that are held, the uneven
-    /// times at which they were read would turn the sensor at random.
+    /// The integral of the rates then equals the recording's by the trapezium rule. If samples were held, their uneven
+    /// times would turn the sensor at random.
     pub fn at(&self, seconds: f64) -> Sample {
         let time_s = self.first().time_s + seconds;
         let next = self.samples.partition_point(|sample| sample.time_s <= time_s);
@@ -150,13 +150,14 @@ impl Recording {
         self.at_rest(self.samples.iter().take_while(|sample| sample.time_s <= end))
     }
 
-    /// The same as it lay at the end.
+    /// Returns the sample of a sensor that lies still as at the end.
     pub fn rest_after(&self) -> Sample {
         let start = self.last().time_s - REST_S;
         self.at_rest(self.samples.iter().rev().take_while(|sample| sample.time_s >= start))
     }
 
-    /// The hands that moved the sensor were not quite still at either end: only gravity is averaged there.
+    /// Returns the sample at rest. The hands that moved the sensor were not quite still at either end: only gravity is
+    /// averaged.
     fn at_rest<'a>(&self, samples: impl Iterator<Item = &'a Sample>) -> Sample {
         Sample { gyro: self.gyro_at_rest, ..mean(samples) }
     }
@@ -189,7 +190,7 @@ fn parse_sample(line: &str) -> Result<Sample, String> {
     })
 }
 
-/// The range whose full scale stands after `key`.
+/// Returns the range whose full scale follows `key`.
 fn range_in(comment: &str, key: &str, all: [Range; 4]) -> Option<Range> {
     let (_, rest) = comment.split_once(key)?;
     let digits = rest.split(|c: char| !c.is_ascii_digit()).next()?;
@@ -197,7 +198,7 @@ fn range_in(comment: &str, key: &str, all: [Range; 4]) -> Option<Range> {
     all.into_iter().find(|range| range.full_scale == f64::from(value))
 }
 
-/// The three numbers after `gyro at rest`.
+/// Returns the three numbers after `gyro at rest`.
 fn rest_in(comment: &str) -> Option<[f64; 3]> {
     let (_, rest) = comment.split_once("gyro at rest ")?;
     let numbers: Vec<f64> = rest
@@ -228,8 +229,8 @@ fn mean<'a>(samples: impl Iterator<Item = &'a Sample>) -> Sample {
     }
 }
 
-/// The best guess of the gyroscope's bias that a recording allows: its mean over the beginning, as long as the sensor lies
-/// still there; else over the stretch of [`REST_S`] in which it varies least, if it lies still in that; else nothing.
+/// Returns the best guess of the gyroscope's bias from a recording: the mean over the beginning, as long as the sensor
+/// lies still; else over the stretch of [`REST_S`] with the least variation, if the sensor lies still in it; else zero.
 fn bias(samples: &[Sample]) -> [f64; 3] {
     let stretch = |start: usize, length_s: f64| {
         let end_s = samples[start].time_s + length_s;
@@ -245,7 +246,7 @@ fn bias(samples: &[Sample]) -> [f64; 3] {
     best.map_or([0.0; 3], |window| mean(window.iter()).gyro)
 }
 
-/// Standard deviation of the gyroscope's readings, counts, all axes together.
+/// Returns the standard deviation of the gyroscope's readings, counts, all axes together.
 fn spread(window: &[Sample]) -> f64 {
     let mean = mean(window.iter()).gyro;
     let square = |sample: &Sample| (0..3).map(|axis| (sample.gyro[axis] - mean[axis]).powi(2)).sum::<f64>();

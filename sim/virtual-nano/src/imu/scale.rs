@@ -35,7 +35,7 @@ const fn low_pass(gyro_hz: f64, accel_hz: f64, delay_s: f64) -> LowPass {
 }
 
 /// The low-pass filter's settings in the order of DLPF_CFG (register map, section 4.3). The last value is reserved: the
-/// part then filters as little as it can.
+/// part then filters as little as possible.
 pub const LOW_PASS: [LowPass; 8] = [
     low_pass(256.0, 260.0, 0.98e-3),
     low_pass(188.0, 184.0, 1.9e-3),
@@ -47,7 +47,7 @@ pub const LOW_PASS: [LowPass; 8] = [
     low_pass(256.0, 260.0, 0.98e-3),
 ];
 
-/// Samples a second before the divider, with the low-pass filter off and on (register map, section 4.2).
+/// Samples a second before the divider, with the low-pass filter off (register map, section 4.2).
 pub const RATE_UNFILTERED_HZ: f64 = 8000.0;
 /// The same with the filter on.
 pub const RATE_FILTERED_HZ: f64 = 1000.0;
@@ -67,7 +67,7 @@ pub fn celsius(counts: f64) -> f64 {
     counts / 340.0 + 36.53
 }
 
-/// Rounds, and saturates as the part does.
+/// Returns the number rounded, and saturated like the part.
 pub fn counts(x: f64) -> i16 {
     x.round() as i16
 }

@@ -6,7 +6,7 @@ use std::fmt::{self, Display, Formatter};
 use std::path::Path;
 use std::str::FromStr;
 
-/// Which errors a sensor has.
+/// The choice of a sensor's errors.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub enum Sensor {
     /// Those of [`Errors::ideal`].
@@ -19,7 +19,7 @@ pub enum Sensor {
 }
 
 impl Sensor {
-    /// Returns the errors, with this seed where they are drawn.
+    /// Returns the errors. The seed is used for drawn ones.
     pub fn errors(&self, seed: u64) -> Errors {
         match self {
             Self::Ideal => Errors::ideal(seed),

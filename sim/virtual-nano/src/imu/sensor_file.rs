@@ -52,7 +52,7 @@ const KEYS: [Key; 18] = [
 /// Reads a file.
 ///
 /// # Errors
-/// The file, and what [`parse`] says.
+/// A file that cannot be read, and the errors of [`parse`].
 pub fn read(path: &Path) -> Result<Errors, String> {
     let named = |problem: String| format!("{}: {problem}", path.display());
     let text = std::fs::read_to_string(path).map_err(|error| named(error.to_string()))?;
@@ -62,7 +62,7 @@ pub fn read(path: &Path) -> Result<Errors, String> {
 /// Reads the text of a file.
 ///
 /// # Errors
-/// The line that is no TOML, or the key that is unknown or has a wrong value.
+/// A line that is not TOML, or a key that is unknown or has a wrong value.
 pub fn parse(text: &str) -> Result<Errors, String> {
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
         let message = error.message().lines().collect::<Vec<_>>().join(", ");

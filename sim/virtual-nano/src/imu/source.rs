@@ -1,4 +1,4 @@
-//! What the sensor measures: the movement of a hand, a recording, or the movement of the simulated robot.
+//! The input of the sensor: the movement of a hand, a recording, or the movement of the simulated robot.
 
 use super::errors::Errors;
 use super::hand::{Grip, Hand};
@@ -32,7 +32,7 @@ enum Kind {
     },
 }
 
-/// The input of the sensor, with the sensor's own bias and noise where these are not in a recording.
+/// The input of the sensor, with the sensor's own bias and noise unless a recording has them.
 pub struct Source {
     kind: Kind,
     noise: Noise,
@@ -48,9 +48,9 @@ pub struct Turntable {
     pub up: [f64; 3],
     /// Speed, counter-clockwise seen from above, °/s.
     pub dps: f64,
-    /// How often it turns there and back, Hz: its speed is then `dps` at most. At 0 it turns at that speed.
+    /// Frequency of turning back and forth, Hz, with a speed of at most `dps`. At 0 it turns at that speed.
     pub swing_hz: f64,
-    /// The board's time from which on it turns, s.
+    /// The board's time at which it starts to turn, s.
     pub start_s: f64,
 }
 
@@ -64,27 +64,27 @@ impl Turntable {
 
 impl Source {
     fn new(kind: Kind, errors: Errors, seed: u64) -> Self {
-        // Numbers of their own: those of the errors would show in the first noise.
+        // A sequence of its own: the numbers of the errors would show in the first noise.
         let noise = Noise::new(seed ^ 0x4E4F_4953_4500_0000);
         Self { kind, noise, part: Part::new(errors), spin_dps: 0.0 }
     }
 
-    /// Lies still, z up, as warm as it will be, with the biases that the seed gives.
+    /// Returns a sensor that lies still, z up, at its final temperature, with biases from the seed.
     pub fn still(seed: u64) -> Self {
         Self::hand(Grip::default(), Errors { warming_c: 0.0, ..Errors::ideal(seed) }, seed)
     }
 
-    /// Lies still, z up, until a hand turns it. The seed gives the noise and the hand's errors.
+    /// Returns a sensor that lies still, z up, until a hand turns it. The seed gives the noise and the hand's errors.
     pub fn hand(grip: Grip, errors: Errors, seed: u64) -> Self {
         Self::new(Kind::Hand(Hand::new(grip, seed)), errors, seed)
     }
 
-    /// Sits on a turntable, without errors but noise.
+    /// Returns a sensor on a turntable, with noise as its only error.
     pub fn turntable(table: Turntable, seed: u64) -> Self {
         Self::new(Kind::Turntable(table), Errors::default(), seed)
     }
 
-    /// Sits on a simulated robot. The seed gives the noise.
+    /// Returns a sensor on a simulated robot. The seed gives the noise.
     pub fn plant(plant: Plant, errors: Errors, seed: u64) -> Self {
         Self::new(Kind::Plant(Box::new(plant)), errors, seed)
     }
@@ -94,7 +94,7 @@ impl Source {
         Self::new(Kind::Recording { recording, started_s: None, play: false }, Errors::default(), seed)
     }
 
-    /// Starts the recording with the next sample. Returns its duration in s, `None` where there is none.
+    /// Starts the recording with the next sample. Returns its duration in s, `None` without a recording.
     pub fn play(&mut self) -> Option<f64> {
         let Kind::Recording { recording, started_s, play } = &mut self.kind else { return None };
         *started_s = None;
@@ -117,7 +117,7 @@ impl Source {
         }
     }
 
-    /// Whether a hand moves the sensor at a time, or will move it later.
+    /// Returns whether a hand moves the sensor at a time, or will move it later.
     pub fn is_moving(&self, time_s: f64) -> bool {
         matches!(&self.kind, Kind::Hand(hand) if hand.is_moving(time_s))
     }
@@ -138,22 +138,22 @@ impl Source {
         }
     }
 
-    /// What sets the sensor apart from an ideal one.
+    /// Returns the part, with its deviations from an ideal sensor.
     pub fn part(&self) -> &Part {
         &self.part
     }
 
-    /// What sets the sensor apart from an ideal one, to change.
+    /// Returns the part, to change it.
     pub fn part_mut(&mut self) -> &mut Part {
         &mut self.part
     }
 
-    /// Turns about z beside everything else, °/s.
+    /// Adds a turn about z to everything else, °/s.
     pub fn spin(&mut self, dps: f64) {
         self.spin_dps = dps;
     }
 
-    /// The sample at this time of the board's, for these settings of the part.
+    /// Returns the sample at this time of the board, with these settings of the part.
     pub fn read(&mut self, time_s: f64, gyro: Range, accel: Range, low_pass: LowPass) -> Readout {
         let Self { kind, noise, part, spin_dps } = self;
         let (signal, is_noisy) = match kind {

@@ -20,16 +20,16 @@ pub struct LowPassed {
 }
 
 impl LowPassed {
-    /// Returns the noise at a time, s, for a cutoff in Hz. Times do not go back; a new cutoff begins anew.
+    /// Returns the noise at a time, s, for a cutoff in Hz. Times must not decrease; a new cutoff restarts the filter.
     pub fn at(&mut self, time_s: f64, hz: f64, noise: &mut Noise) -> f64 {
-        // Of x and v alike, and they are uncorrelated: density² / 2 times ω / (4 ζ), with ζ = 1/√2.
+        // Variance of x and of v, which are uncorrelated: density² / 2 times ω / (4 ζ), with ζ = 1/√2.
         let variance = 0.5 * TAU * hz * FRAC_1_SQRT_2 / 2.0;
         let elapsed = if self.hz == hz { (time_s - self.time_s).max(0.0) } else { f64::INFINITY };
         (self.hz, self.time_s) = (hz, time_s);
         let phase = TAU * hz * FRAC_1_SQRT_2 * elapsed;
-        // Beyond, nothing of the state before is left.
+        // Beyond, nothing of the old state is left.
         let [[xx, xv], [vx, vv]] = if phase < 40.0 { transition(phase) } else { [[0.0; 2]; 2] };
-        // What the noise of the interval adds: the stationary covariance less that of the old state's share.
+        // Covariance from the noise of the interval: the stationary covariance less the old state's share.
         let added_xx = variance * (1.0 - xx * xx - xv * xv).max(0.0);
         let added_xv = -variance * (xx * vx + xv * vv);
         let added_vv = variance * (1.0 - vx * vx - vv * vv).max(0.0);
@@ -42,7 +42,7 @@ impl LowPassed {
     }
 }
 
-/// Returns the matrix that advances (x, v) without noise by the time in which ω t / √2 is `phase`.
+/// Returns the matrix that advances (x, v) without noise by the time t with ω t / √2 = `phase`.
 fn transition(phase: f64) -> [[f64; 2]; 2] {
     let (sin, cos) = phase.sin_cos();
     let root = std::f64::consts::SQRT_2 * sin;
@@ -65,7 +65,7 @@ pub struct Flicker {
 }
 
 impl Flicker {
-    /// Returns the noise at a time, s. Times do not go back.
+    /// Returns the noise at a time, s. Times must not decrease.
     pub fn at(&mut self, time_s: f64, noise: &mut Noise) -> f64 {
         // The floor is √(2 ln 2 h) for a density squared of h / f, and h = variance / ln ratio of the time constants.
         let variance = RATIO.ln() / (2.0 * LN_2);
@@ -135,7 +135,7 @@ mod tests {
         let (mut filter, mut noise, mut times) = (LowPassed::default(), Noise::new(2), Noise::new(3));
         let (mut time_s, mut products, mut squares) = (0.0, 0.0, 0.0);
         for _ in 0..200_000 {
-            // The correlation after 4 ms does not depend on what was read before, or between.
+            // The correlation after 4 ms does not depend on readings before or in between.
             time_s += 0.02 * times.uniform();
             let first = filter.at(time_s, 42.0, &mut noise);
             filter.at(time_s + 0.001, 42.0, &mut noise);
