@@ -1,6 +1,6 @@
 //! `biflag pack`: one archive with everything of a session, whose sums are right.
 
-use crate::program::{biflag, code};
+use crate::program::{biflag, code, json};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -104,6 +104,33 @@ fn archive_has_all_files_and_their_sums() {
     let readme = text(&contents["README.md"]);
     assert!(readme.contains("| 001_w1-37.3_w2+12.9 | "), "{readme}");
     assert!(readme.contains("not settled |\n| 002_w1+0.5_w2+0 |"), "{readme}");
+}
+
+/// What leaves the computer says what is not in it, as `info` does.
+#[test]
+fn a_trial_without_a_log_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder);
+    let commands = [&["report", "session"][..], &["export", "session", "--force"], &["pack", "session"]];
+    let grave = |args: &[&str]| -> (Option<i32>, Vec<String>) {
+        let output = biflag(folder, &[args, &["--json"]].concat());
+        let found = json(&output)["findings"].as_array().unwrap().clone();
+        let grave = found.iter().filter(|one| one["grave"] == true).map(|one| one["text"].to_string()).collect();
+        (code(&output), grave)
+    };
+    for args in commands {
+        assert_eq!(grave(args).1, [""; 0], "{args:?}");
+    }
+    std::fs::remove_file(folder.join("session/002_w1+0.5_w2+0.mcap")).unwrap();
+    std::fs::remove_file(folder.join("session.zip")).unwrap();
+    for args in commands {
+        let (code, grave) = grave(args);
+        assert_eq!(code, Some(3), "{args:?}");
+        assert_eq!(grave, ["\"1 of 2 trials has no log: 002_w1+0.5_w2+0\""], "{args:?}");
+    }
+    let (logs, findings) = host::twin::logs(&folder.join("session")).unwrap();
+    assert_eq!((logs.len(), findings.len()), (1, 1), "of a fit");
 }
 
 #[test]

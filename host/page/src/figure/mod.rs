@@ -417,8 +417,9 @@ pub fn scatter(
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
 /// about its logs, and the logs.
 fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Vec<AtSpeeds<()>>, FigureError> {
-    let states = Session::open(session)?.intact_states()?;
-    remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned());
+    let session = Session::open(session)?;
+    let states = session.intact_states()?;
+    remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned().chain(session.missing(&states)));
     let attempts: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
     let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
         let data = match log.read(Want { hash: true, ..Want::default() }) {

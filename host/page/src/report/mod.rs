@@ -251,7 +251,8 @@ fn of_session(
     let page = document::page(&text::clip(&session.plan().name, 200), &kind, &body, &all_data);
     let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
     let left_out = states.iter().flat_map(|state| &state.left_out).cloned();
-    let mut findings: Vec<LogFinding> = shown().flat_map(|(_, view)| view.findings.clone()).chain(left_out).collect();
+    let of_views = shown().flat_map(|(_, view)| view.findings.clone());
+    let mut findings: Vec<LogFinding> = of_views.chain(left_out).chain(session.missing(&states)).collect();
     // A model may be the other side of several repeats.
     let mut seen = std::collections::HashSet::new();
     findings.retain(|one| seen.insert((one.log.clone(), one.finding.to_string())));

@@ -147,7 +147,9 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     }
     let mut exported = Exported::default();
     let mut trials = Vec::new();
-    for state in session.intact_states()? {
+    let states = session.intact_states()?;
+    exported.findings.extend(session.missing(&states));
+    for state in states {
         exported.findings.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.best() else { continue };
         let data = match attempt.read(FORCES) {

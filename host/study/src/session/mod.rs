@@ -27,12 +27,16 @@ pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
 
 use crate::plan::{Plan, Trial};
-use crate::trial::{Data, Finding, LogFinding, Want};
+use crate::text::count;
+use crate::trial::{Data, Finding, FindingKind, LogFinding, Want};
 use biflag_log::{End, LogError, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+/// Largest number of trials without a log that are named.
+const NAMED: usize = 3;
 
 /// A session folder.
 #[derive(Clone, PartialEq, Debug)]
@@ -226,6 +230,22 @@ impl Session {
         let mut states = self.states()?;
         states.par_iter_mut().try_for_each(TrialState::check)?;
         Ok(states)
+    }
+
+    /// Returns a finding about the trials without any log, from the states of all; `None` if there are none.
+    pub fn missing(&self, states: &[TrialState]) -> Option<LogFinding> {
+        let names: Vec<&str> =
+            (states.iter().filter(|state| state.attempts.is_empty())).map(|state| state.trial.name.as_str()).collect();
+        let (first, more) = names.split_at(names.len().min(NAMED));
+        let first = first.join(", ");
+        let named = match more.len() {
+            0 => first,
+            more => format!("{first} and {more} more"),
+        };
+        let verb = if names.len() == 1 { "has" } else { "have" };
+        let text = format!("{} of {} {verb} no log: {named}", names.len(), count(states.len(), "trial"));
+        let finding = Finding::grave(FindingKind::Conduct, text, "continue the session with --resume");
+        (!names.is_empty()).then(|| LogFinding { log: self.folder.display().to_string(), finding })
     }
 
     /// Returns the state of one trial, from the logs that bear its name.

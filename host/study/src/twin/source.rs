@@ -7,14 +7,16 @@ use crate::trial::LogFinding;
 use biflag_log::{PlanMeta, Reader, TrialMeta};
 use std::path::{Path, PathBuf};
 
-/// Returns the logs of a session folder, or the log itself, and findings about logs that are left out.
+/// Returns the logs of a session folder, or the log itself, and findings about logs that are left out or missing.
 ///
 /// # Errors
 /// [`TwinError::Session`].
 pub fn logs(path: &Path) -> Result<(Vec<Attempt>, Vec<LogFinding>), TwinError> {
     if path.is_dir() {
-        let source = Source::session(path)?;
-        Ok((source.logs.into_iter().map(|(_, log)| log).collect(), source.left_out))
+        let session = Session::open(path)?;
+        let states = session.intact_states()?;
+        let left_out = states.iter().flat_map(|state| state.left_out.clone()).chain(session.missing(&states)).collect();
+        Ok((states.iter().filter_map(|state| state.best().cloned()).collect(), left_out))
     } else {
         Ok((vec![Attempt::of_log(path)], Vec::new()))
     }
