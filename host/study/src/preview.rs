@@ -67,12 +67,12 @@ pub fn amount(trials: usize, duration_s: f64) -> String {
     format!("{}, {}", text::count(trials, "trial"), text::duration(duration_s))
 }
 
-/// Returns when what begins now and takes so long ends: local time, with the day if that is another.
+/// Returns the end of an activity that begins now and takes `duration_s`: local time, with the date if it is not today.
 pub fn end_after(duration_s: f64) -> String {
     end(SystemTime::now(), duration_s).unwrap_or_else(|| "a time that no calendar has".to_owned())
 }
 
-/// `None` where a computer's clock is wrong by millennia.
+/// Returns `None` if the computer's clock is wrong by millennia.
 fn end(now: SystemTime, duration_s: f64) -> Option<String> {
     let now = Timestamp::try_from(now).ok()?.to_zoned(TimeZone::system());
     let end = now.checked_add(SignedDuration::try_from_secs_f64(duration_s).ok()?).ok()?;

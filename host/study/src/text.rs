@@ -92,7 +92,7 @@ pub fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
 }
 
-/// Serialises a path as text. JSON is Unicode, so bytes of a name that are not become replacement characters. For
+/// Serialises a path as text. JSON is Unicode, so other bytes become replacement characters. For
 /// `#[serde(serialize_with)]`.
 pub fn path<S: Serializer>(path: impl AsRef<Path>, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&path.as_ref().to_string_lossy())
@@ -108,8 +108,9 @@ pub fn origin(origin: Origin) -> &'static str {
     }
 }
 
-/// Returns text that may be shown: names and notes of plans and logs may hold anything. Characters that move the cursor,
-/// colour the terminal or change the direction of the text are escaped. Line ends and tabs stay.
+/// Returns foreign text in a form that is safe to print: names and notes in plans and logs may hold anything.
+/// Characters that move the cursor, colour the terminal or change the text's direction are escaped. Line ends and tabs
+/// stay.
 pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.replace("\r\n", "\n").chars() {
@@ -118,13 +119,13 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// Returns foreign text for a place within a line.
+/// Returns foreign text on one line.
 pub fn line(text: &str) -> String {
     printable(text).replace('\n', " ")
 }
 
-/// Formats JSON without these characters and without any that control a terminal. They are within strings, where JSON
-/// can escape them.
+/// Formats JSON without these characters and without those that control a terminal. They only occur within strings,
+/// where JSON can escape them.
 pub fn json_without(value: &serde_json::Value, characters: &[char]) -> String {
     let mut text = String::new();
     for c in value.to_string().chars() {
@@ -158,7 +159,7 @@ mod tests {
         assert_eq!(texts, ["0 s", "45 s", "1 min", "8 min 40 s", "1 h 0 min", "9 h 3 min"]);
     }
 
-    /// A shell gets the same text back, whatever is in it.
+    /// A shell gets the same text back, whatever it contains.
     #[test]
     fn text_is_quoted_for_a_shell() {
         for text in ["plain", "two words", "it's $HOME `date` \"x\" \\ *", "line\nend"] {
