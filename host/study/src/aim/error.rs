@@ -61,10 +61,11 @@ pub enum AimError {
         /// Why.
         source: SolveError,
     },
-    /// The user has ended it.
+    /// The user has interrupted the search.
     #[error("interrupted")]
     Interrupted,
-    /// The model has not answered in time. [`aim`](super::aim()) does not return it: it says what it has.
+    /// The model has not answered in time. [`aim`](super::aim()) does not return this error: it reports its best result
+    /// so far.
     #[error("the time was over")]
     TimeOver,
 }
