@@ -1,4 +1,4 @@
-//! Runs trials in the simulator, with the same logs as those of the rig.
+//! Runs trials in the simulator, and writes the same logs as the rig.
 //!
 //! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so that a killed
 //! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan,
@@ -43,7 +43,7 @@ pub struct Model {
     /// Settings of the robot's board.
     settings: Settings,
     meta: ModelMeta,
-    /// Inverses that its trials share.
+    /// Inverses shared by its trials.
     at_rest: InversesAtRest,
 }
 
