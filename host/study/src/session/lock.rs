@@ -9,7 +9,7 @@ use std::time::Duration;
 /// End of the name of a log while a simulation writes it.
 pub const UNFINISHED: &str = ".mcap.unfinished";
 
-/// Which other programs may write into the session at the same time.
+/// The other programs that may write into the session at the same time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sharing {
     /// None.
@@ -34,7 +34,7 @@ pub fn is_in_use(folder: &Path) -> bool {
 }
 
 impl Session {
-    /// Locks the session for writing. Alone, removes what killed programs left in it.
+    /// Locks the session for writing. With [`Sharing::Alone`], also removes files left by killed programs.
     ///
     /// # Errors
     /// [`SessionError::InUse`] if another program holds the lock.
@@ -69,11 +69,11 @@ impl Session {
         }
     }
 
-    /// Removes the unfinished logs of killed simulations. There is no other program that writes them.
+    /// Removes the unfinished logs of killed simulations. The lock ensures that no program is writing them.
     fn remove_unfinished(&self) {
         for entry in std::fs::read_dir(self.folder()).into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().ends_with(UNFINISHED) {
-                // What cannot be removed is replaced when the trial is computed again.
+                // A file that cannot be removed is replaced when the trial is computed again.
                 let _ = std::fs::remove_file(entry.path());
             }
         }
