@@ -3,14 +3,14 @@
 use super::SetPoint;
 use biflag_log::schema::biflag::{self, Vector};
 
-/// When a set-point was due, made and in force.
+/// Times of a set-point: when it was due, observed and in force.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Times {
     /// The board's clock when it was due, µs.
     pub due_us: u64,
     /// The board's clock at its observation, µs.
     pub observed_us: u64,
-    /// The board's clock in the first frame in which it was in force, µs; `None` if the next one came first.
+    /// The board's clock in the first frame with the set-point in force, µs; `None` if the next set-point came first.
     pub in_force_us: Option<u64>,
 }
 
