@@ -3,7 +3,7 @@
 //! Motors reach their speed differently, and sensors have different delays. The shift maximises the correlation of the
 //! two attitudes, including the still phase before the run, because the start of a transient cannot be located from the
 //! transient alone. A correlation does not depend on scale and zero, so a model that turns too far is not mistaken for
-//! one that is late.
+//! a late one.
 
 /// Points per second of a comparison.
 pub(super) const RATE_HZ: f64 = 20.0;
@@ -29,7 +29,7 @@ pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
         return 0.0;
     }
     let inside = margin..measured.len() - margin;
-    // Variance of each angle that a linear function of the other does not explain, degrees².
+    // Variance not explained by a linear function of the other attitude, summed over the angles, degrees².
     let unexplained = |shift: f64| {
         let offset = -shift * RATE_HZ;
         let (whole, share) = (offset.floor(), offset - offset.floor());
