@@ -2,7 +2,7 @@
 //!
 //! A [`plan`] lists trials. The rig or the [model](run::model) runs them and writes their logs ([`biflag_log`]) into a
 //! [`session`] folder. Everything after that reads a log through [`trial`]: the comparison with the model and the fit
-//! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] ask the model alone.
+//! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] only use the model.
 //!
 //! It is a separate crate because three programs share it: `biflag`, the Python module, and a laboratory's own
 //! programs. None of them should compile a serial port or a web page to fit a viscosity. The interface to the crate

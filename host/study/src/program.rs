@@ -13,7 +13,7 @@ pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
 pub const FULL_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("BIFLAG_GIT_HASH"), ")");
 
 /// Returns the identity record for logs of this program. The record of a modelled or imported trial has no date,
-/// because such a log does not depend on when it was made.
+/// because its log does not depend on the date.
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     let created = if origin.is_recorded() { timestamp(time) } else { String::new() };
     Identity {

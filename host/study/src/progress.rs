@@ -25,8 +25,8 @@ const PACE_KNOWN_AFTER: Duration = Duration::from_secs(3);
 /// has pressed Ctrl-C.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Progress of a command, in seconds of its trials or in another unit. Threads may share it. No method waits for the
-/// terminal, except [`finish`](Self::finish), which gives up after one second without progress.
+/// Progress of a command, in seconds of its trials or in another unit. Threads may share it. Only
+/// [`finish`](Self::finish) waits for the terminal, and gives up after one second without progress.
 #[derive(Debug)]
 pub struct Progress {
     /// `None` if nothing is shown.
@@ -51,7 +51,7 @@ struct State {
     bar: Bar,
     /// Lines that are not printed yet.
     lines: VecDeque<String>,
-    /// Counts what was drawn.
+    /// Number of drawings so far.
     drawings: u64,
     ends: bool,
     /// The bell rings at the end.
@@ -152,7 +152,7 @@ impl Progress {
         }
     }
 
-    /// Changes the state to show. It is drawn immediately if `now` is set, otherwise by the next regular drawing.
+    /// Changes the state to show, and draws it `now` or with the next drawing.
     fn change(&self, now: bool, change: impl FnOnce(&mut State)) {
         let Some(shared) = &self.shared else { return };
         change(&mut lock(&shared.state));
@@ -200,7 +200,7 @@ fn draw(shared: &Shared, mut screen: impl Screen) {
     shared.drawn.notify_all();
 }
 
-/// Where the drawing thread draws.
+/// The target of the drawing thread.
 trait Screen: Send + 'static {
     /// Prints a line above the bar.
     fn line(&mut self, text: &str);

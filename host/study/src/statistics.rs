@@ -1,4 +1,4 @@
-//! Distributions for tests: how large a scatter or a difference is by chance alone.
+//! Distributions for testing whether chance explains a scatter or a difference.
 
 use libm::lgamma;
 use nalgebra::DMatrix;
@@ -13,9 +13,8 @@ pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {
     incomplete_beta(freedom / (freedom + ratio * ratio), 0.5 * freedom, 0.5)
 }
 
-/// Returns the quantile of a variance with `degrees_of_freedom`, relative to its expectation. The expectation is known
-/// with `known_with` degrees of freedom: the ratio follows Fisher's F, or chi squared over its degrees of freedom if
-/// `known_with` is infinite.
+/// Returns the quantile of a variance with `degrees_of_freedom`, relative to its expectation, itself known with
+/// `known_with` degrees of freedom: Fisher's F, or chi squared over its degrees of freedom if `known_with` is infinite.
 pub fn variance_ratio(probability: f64, degrees_of_freedom: f64, known_with: f64) -> f64 {
     let (one, two) = (degrees_of_freedom.clamp(1.0, MANY), known_with.clamp(1.0, MANY));
     // Abramowitz and Stegun 26.6.2.

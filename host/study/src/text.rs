@@ -26,7 +26,7 @@ pub fn decimal(value: f64, decimals: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Formats a value with four decimals, with an exponent only where it needs one.
+/// Formats a value with four decimals, with an exponent only if necessary.
 pub fn figure(value: f64) -> String {
     if (0.01..1e4).contains(&value.abs()) { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
@@ -71,8 +71,8 @@ pub fn command_line() -> String {
     std::iter::once(program).chain(words).map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Describes the clock of the board relative to that of the computer. An emulated board may run several times as fast as
-/// real time.
+/// Describes the board's clock relative to the computer's. An emulated board may run several times as fast as real
+/// time.
 pub fn clock(clock: &ClockMeta) -> String {
     let rate = match clock.drift_ppm {
         drift if drift.abs() < 1e4 => format!("{} ppm", signed(drift, 1)),
@@ -98,7 +98,7 @@ pub fn path<S: Serializer>(path: impl AsRef<Path>, serializer: S) -> Result<S::O
     serializer.serialize_str(&path.as_ref().to_string_lossy())
 }
 
-/// Says where a trial ran.
+/// Describes where a trial ran.
 pub fn origin(origin: Origin) -> &'static str {
     match origin {
         Origin::Rig => "measured on the rig",
@@ -108,9 +108,8 @@ pub fn origin(origin: Origin) -> &'static str {
     }
 }
 
-/// Returns foreign text in a form that is safe to print: names and notes in plans and logs may hold anything.
-/// Characters that move the cursor, colour the terminal or change the text's direction are escaped. Line ends and tabs
-/// stay.
+/// Makes foreign text safe to print: names and notes in plans and logs may hold anything. Characters that move the
+/// cursor, colour the terminal or change the text's direction are escaped. Line ends and tabs stay.
 pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.replace("\r\n", "\n").chars() {

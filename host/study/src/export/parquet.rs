@@ -131,7 +131,7 @@ pub(crate) fn read(file: File) -> Result<Table, String> {
     Ok(table)
 }
 
-/// Adds a value to a column of its type. A value that is neither text nor a number counts as missing.
+/// Adds a value to a column of its type. Values other than text and numbers count as missing.
 fn push(values: &mut Values, field: &Field) {
     let number = match field {
         Field::Double(value) => *value,

@@ -16,7 +16,7 @@ const SAME_S: f64 = 4e-6;
 pub struct Column {
     /// Name, with the unit.
     pub name: Cow<'static, str>,
-    /// The unit alone, for the column's metadata; empty where the table has none.
+    /// The unit alone, for the column's metadata; empty if the table has none.
     pub unit: Cow<'static, str>,
     /// Description, for the header.
     pub about: Cow<'static, str>,
