@@ -8,7 +8,7 @@ use super::table::{Table, distance};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Width of the bracket around a change of contact at which the search ends, rpm.
+/// Final bracket width of a change of contact, rpm.
 const RESOLUTION: f64 = 4.0;
 
 /// The nearest change of contact.

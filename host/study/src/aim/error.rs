@@ -64,8 +64,7 @@ pub enum AimError {
     /// The user has interrupted the search.
     #[error("interrupted")]
     Interrupted,
-    /// The model has not answered in time. [`aim`](super::aim()) does not return this error: it reports its best result
-    /// so far.
+    /// The model has not answered in time. [`aim`](super::aim()) reports its best result so far instead.
     #[error("the time was over")]
     TimeOver,
 }

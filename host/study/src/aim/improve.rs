@@ -2,9 +2,9 @@
 //! derivatives.
 //!
 //! An evaluation of the model takes a tenth of a second or more and has an error of some hundredths of a degree, so
-//! finite differences would take most of the time. The derivatives start with those of the table, and each evaluation
-//! corrects them (Broyden 1965, Math. Comput. 19, 577). The crate `levenberg-marquardt`, which fits the parameters,
-//! needs derivatives at every point and has no bounds.
+//! finite differences would take most of the time. The derivatives start from the table's, and each evaluation corrects
+//! them (Broyden 1965, Math. Comput. 19, 577). The crate `levenberg-marquardt`, which fits the parameters, needs
+//! derivatives at every point and has no bounds.
 
 use super::error::AimError;
 use super::quantity::Attitude;

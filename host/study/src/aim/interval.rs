@@ -137,8 +137,8 @@ struct Change {
     by: f64,
 }
 
-/// Returns one robot for each fitted parameter, with that parameter increased by [`CHANGE`]. Only parameters that are
-/// single numbers in the robot file count: the intervals hold for all angles of the flagella.
+/// Returns one robot per fitted parameter, with that parameter increased by [`CHANGE`]. Only single numbers in the
+/// robot file count: the intervals hold for all angles of the flagella.
 fn changes(robot: &Robot, fit: &Fit) -> Vec<Change> {
     let changed = |(parameter, key): (usize, &String)| {
         let mut whole = toml::Value::try_from(robot).ok()?;

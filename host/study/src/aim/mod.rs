@@ -7,8 +7,8 @@
 //!
 //! All pairs of speeds that the table gives for the attitude are refined. Where the flagella touch, a trial takes up to a
 //! hundred times as long as elsewhere, and the attitude may depend on the speeds irregularly: these pairs come last. A
-//! search has a time limit. When it is over, the result contains what is known by then, and lists what is missing
-//! ([`Aimed::unfinished`], [`Solution::unknown`]).
+//! search has a time limit. After it, the result is partial, and lists the missing parts ([`Aimed::unfinished`],
+//! [`Solution::unknown`]).
 
 mod contact;
 mod error;
@@ -115,7 +115,7 @@ pub struct Aimed {
     pub reachable: bool,
     /// Confidence of the intervals; `None` if it cannot be stated.
     pub confidence: Option<f64>,
-    /// Why no confidence can be stated.
+    /// Reasons for no confidence.
     pub doubts: Vec<Doubt>,
     /// Speeds at which the target is met, the nearest first.
     pub solutions: Vec<Solution>,

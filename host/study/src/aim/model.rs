@@ -30,7 +30,7 @@ pub struct Model<'a> {
     pub robot: &'a Robot,
     /// Inverses shared by its trials.
     pub at_rest: &'a InversesAtRest,
-    /// Returns whether to go on; `false` means that the user has interrupted the search.
+    /// Returns whether to go on, or `false` after an interruption by the user.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
     /// Deadline for the model's answers, if there is one.
     pub until: Option<Instant>,

@@ -1,4 +1,4 @@
-//! Speeds for an attitude by a table alone, without the model: the start of a search, and the feed-forward of a controller.
+//! Speeds for an attitude from a table, without the model: the start of a search, and the feed-forward of a controller.
 
 use super::error::AimError;
 use super::improve::{Goal, VALUES};
@@ -28,8 +28,8 @@ pub struct Nearest {
 
 /// Returns the speeds that come nearest to a target in the table.
 ///
-/// Of several candidates it prefers those where every quantity of the target responds to the speeds, and of these the
-/// one with the least contact: in contact the attitude depends irregularly on the speeds.
+/// It prefers candidates where every quantity of the target responds to the speeds, and of these the one with the least
+/// contact: in contact the attitude depends irregularly on the speeds.
 ///
 /// # Errors
 /// [`AimError::TooSmall`].
