@@ -36,7 +36,7 @@ impl BiasNoise {
         0.5 * self.walk_dps_per_root_s.powi(2) * (middle(one) + middle(other) - apart)
     }
 
-    /// Returns the flicker's part of the covariance, which depends only on the time between the stretches.
+    /// Returns the flicker's part, which depends only on the time between the stretches.
     pub(super) fn of_flicker(self, one: &Range<f64>, other: &Range<f64>) -> f64 {
         if self.instability_dps == 0.0 {
             return 0.0;

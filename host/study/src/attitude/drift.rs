@@ -66,7 +66,7 @@ pub struct Drift {
     knows_lateral: bool,
 }
 
-/// What is known about the rest of a trial.
+/// The still phases of a trial, with the known properties of filter, sensor and robot.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Rest {
     /// The still phase before the run.
@@ -436,7 +436,7 @@ mod tests {
         }
     }
 
-    /// Ten seconds of rest after the run reduce the uncertainty by their share.
+    /// Ten seconds of rest after the run reduce the uncertainty.
     #[test]
     fn each_second_of_rest_after_the_run_helps() {
         let series = trial(|_| [0.0, 0.0, 0.02], |_| [0.0; 2], |_| 25.0);

@@ -16,8 +16,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
-/// Largest tilt due to a bias. A larger tilt means that the mounting differs from the settings, or that the robot does
-/// not hang upright.
+/// Largest tilt due to a bias. A larger tilt means that the mounting is wrong in the settings, or the robot not
+/// upright.
 const LARGEST_TILT_DEG: f64 = 10.0;
 
 /// Largest error of gravity explained by the bias and scale error of an MPU6050 (data sheet PS-MPU-6000A, section 6.2:

@@ -13,8 +13,8 @@ use std::ops::Range;
 /// Length of the blocks, s.
 pub(super) const BLOCK_S: f64 = 2.0;
 
-/// Lengths of the blocks from whose scatter the noise is estimated, s: short blocks, because there are many, and the
-/// blocks of the drift's estimate, which also contain slow noise.
+/// Lengths of the blocks for the noise, s: many short ones, and those of the drift's estimate, which also contain slow
+/// noise.
 const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
 
 /// Minimum number of blocks of a still phase, and of a return to rest.
@@ -90,7 +90,7 @@ pub(super) struct Stretch {
     pub tilt_dps: [f64; 2],
 }
 
-/// Returns the blocks of a range, the last of which ends with it, with their mean rates, °/s; `None` if it is too short.
+/// Returns the blocks of a range, which end with it, and their mean rates, °/s; `None` if the range is too short.
 pub(super) fn blocks_of(yaw: Track, range: &Range<f64>) -> Option<Vec<(Range<f64>, f64)>> {
     blocks(yaw, range, BLOCK_S, MIN_BLOCKS)
 }

@@ -168,8 +168,8 @@ impl Family {
 
 impl Still<'_> {
     /// Returns all combinations of time constants and sizes, with their weights. Time constants are added where the
-    /// weights are not negligible, until each interval and its neighbours have similar weights at both ends. The
-    /// neighbours count because the best time constant may lie between two of equal weight.
+    /// weights are not negligible, until each interval and its neighbours have similar weights at both ends. Neighbours
+    /// count, because the best time constant may lie between two of equal weight.
     fn families(&self, motions: &Motions) -> Vec<Family> {
         let tried = |tau: f64| -> (f64, Vec<Family>) {
             (tau, FAST_S.iter().map(|fast_s| self.family(motions, tau, *fast_s)).collect())

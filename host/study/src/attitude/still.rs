@@ -7,8 +7,8 @@
 //! stretch begins with faster motions, or a push. The bound on a rate is its magnitude plus two standard deviations,
 //! maximised over all time constants that fit the stretch about as well as the best one.
 //!
-//! A return to rest with a time constant of a minute long looks like a bias. Therefore a still robot is recognised only
-//! after 10 s with an MPU6050 as in its data sheet, and after 20 s with one that is three times as noisy.
+//! At first, a return to rest with a time constant of a minute looks like a bias. So a still robot is only recognised
+//! after 10 s with an MPU6050 as in its data sheet, and after 20 s with a three times noisier one.
 
 use std::collections::VecDeque;
 

@@ -201,7 +201,7 @@ mod tests {
     }
 
     proptest! {
-        /// The means over two adjacent ranges, weighted by length, give the mean over both.
+        /// Means over adjacent ranges, weighted by length, add up.
         #[test]
         fn means_of_adjacent_ranges_add_up(values in prop::collection::vec(-1e3..1e3, 2..200), parts in [0.0..1.0f64, 0.0..1.0, 0.0..1.0]) {
             let columns = columns(&values);
