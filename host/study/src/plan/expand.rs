@@ -174,8 +174,7 @@ impl<'a> Axis<'a> {
             let step = number(step);
             return wrong(format!("{name} does not get from {first} to {last} in steps of {step}"));
         }
-        // If the step does not divide the range, the axis stops short of the last speed; if it does, the axis must
-        // reach that speed despite rounding.
+        // A step that divides the range must reach the last speed despite rounding; other steps stop short of it.
         let steps = ((last - first) / step + 1e-6).floor();
         if steps >= MAX_TRIALS as f64 {
             let step = number(step);

@@ -15,7 +15,7 @@ const ROUNDED: f64 = 1e-4;
 pub struct Fit {
     /// The closure of the fit. Its values hold only for this closure.
     pub closure: Closure,
-    /// The kind of trials that the robot was fitted to.
+    /// The kind of fitted trials.
     pub fitted_to: FittedTo,
     /// Whether the model describes the trials within their noise.
     pub is_described: bool,
@@ -38,7 +38,7 @@ pub struct Fit {
     pub parameters: Vec<FittedParameter>,
 }
 
-/// The kind of trials that a robot was fitted to.
+/// The kind of fitted trials.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum FittedTo {
@@ -75,7 +75,7 @@ pub struct FittedParameter {
     pub start: f64,
     /// The fitted value.
     pub value: f64,
-    /// Standard error, without the model's error: the square root of its diagonal element of the covariance.
+    /// Standard error, without the model's error: the root of its variance in the covariance.
     pub std_error: f64,
     /// 95 % interval, with the model's error.
     pub interval_95: [f64; 2],

@@ -107,7 +107,7 @@ pub struct Trial {
     /// A motor that reverses during the run.
     pub reverse: Option<Reverse>,
     /// Angles of flagella 1 and 2 from their marks at the start, degrees; `None` if the plan does not set them: models
-    /// then start at zero, and a rig starts with the flagella where they are.
+    /// then start at zero, a rig at the present angles.
     pub phase_deg: Option<[f64; 2]>,
 }
 
@@ -160,7 +160,7 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// Returns the phases of a trial that consists of a run only.
+    /// Returns the phases of a trial with only a run.
     pub fn of_run(run_s: f64) -> Self {
         Self { rest_at_most_s: 0.0, calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 }
     }

@@ -60,7 +60,7 @@ pub struct Setpoint {
     pub target: [CentiRpm; 2],
 }
 
-/// A change at an event of the schedule.
+/// A change in the schedule.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Change {
     /// A phase.

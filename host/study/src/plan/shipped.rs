@@ -41,8 +41,8 @@ impl Shipped {
     }
 }
 
-/// Returns the keys of a robot file, such as `flagellum.young_pa`, each with its meaning, unit and source. They come
-/// from the comments of the file `robot-published`, which has every key.
+/// Returns the keys of a robot file, such as `flagellum.young_pa`, each with its meaning, unit and source, from the
+/// comments of `robot-published`, which has every key.
 pub fn robot_keys() -> Vec<(String, String)> {
     let text = Shipped::find(Path::new("robot-published")).map_or("", |file| file.text);
     let (mut table, mut comment, mut keys) = ("", Vec::new(), Vec::new());
@@ -51,7 +51,7 @@ pub fn robot_keys() -> Vec<(String, String)> {
         let key = content.split_once(" = ").map(|(key, _)| key);
         let key = key.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'));
         if let Some(key) = key {
-            // Successive keys without a blank line or a comment between them share a comment.
+            // Keys share a comment if no blank line or comment separates them.
             let about = if comment.is_empty() {
                 keys.last().map_or_else(String::new, |(_, about): &(_, String)| about.clone())
             } else {
