@@ -86,7 +86,7 @@ impl Iterator for Motion {
 
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.0 {
-            // After the last sample, finish the run, so that the steady state covers all of it.
+            // Finish the run, so that the steady state covers all of it.
             Source::Trial(trial) => match trial.next() {
                 None => trial.finish().err().map(Err),
                 sample => sample,

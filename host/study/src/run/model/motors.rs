@@ -32,7 +32,7 @@ impl Motors {
             let slower = target - before;
             let share = (slower + *behind / MOTOR_S) * passed_s / MOTOR_S;
             *speed = target - (slower - share) * left;
-            // The motion has linear speeds, so the lag is integrated with them.
+            // Integrates the lag with linear speeds.
             *behind += (target - 0.5 * (before + *speed)) * passed_s;
         }
         self.speeds
