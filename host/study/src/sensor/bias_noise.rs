@@ -10,7 +10,7 @@ use super::{BIAS_WALK, Estimate};
 use crate::attitude::{BiasNoise, WARMING_DPS_PER_C};
 use nalgebra::{DMatrix, DVector};
 
-/// Largest number of groups, and smallest number of bins in a group: longer than the delay of every filter.
+/// Most groups, and fewest bins in a group: longer than the delay of every filter.
 const MOST_GROUPS: usize = 90;
 const LEAST_BINS: usize = 10;
 

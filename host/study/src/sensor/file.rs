@@ -24,8 +24,7 @@ pub const FILE_NAME: &str = "sensor.toml";
 /// The names of the axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Measured values by the name of their axis, such as `x`, or of two axes, such as `xy`: the effect of y on the reading
-/// of x.
+/// Measured values by the name of their axis, such as `x`, or of two axes, such as `xy`: effect of y on x.
 pub type Table = BTreeMap<String, Estimate>;
 
 /// The measured errors of one sensor.
@@ -292,7 +291,7 @@ impl MeasuredSensor {
             put("gyro_scale", axis, &mut prior.gyro_scale[i]);
             put("accel_scale", axis, &mut prior.accel_scale[i]);
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
-            // Use root mean squares, including the uncertainties: a short rest hardly determines the values.
+            // Root mean squares, because a short rest hardly determines the values.
             if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
                 let flicker = self.get("bias_instability_dps", axis).unwrap_or_default();
                 prior.bias_noise[i] = BiasNoise {
@@ -380,7 +379,7 @@ pub fn text_of(path: &Path) -> Result<String, PlanError> {
     KIND.read(path)
 }
 
-/// Returns the key for the effect of axis j on the reading of axis i.
+/// Returns the key for the effect of axis j on axis i.
 pub fn pair(i: usize, j: usize) -> String {
     format!("{}{}", AXES[i], AXES[j])
 }

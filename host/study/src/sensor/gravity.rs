@@ -1,13 +1,11 @@
-//! Checks whether a sensor file belongs to the connected sensor: with the right file, a reading at rest gives standard
-//! gravity.
+//! Checks whether a file belongs to a sensor: a reading at rest must give standard gravity.
 //!
 //! Scale and offset of the accelerometer differ from part to part by some hundredths of gravity, and the file knows them to a
 //! thousandth. A board's number identifies it only if the user has assigned one.
 
 use super::{AXES, Estimate, MeasuredSensor};
 
-/// Largest difference between the present temperature and the temperature of the file's measurement, °C, in the same
-/// room.
+/// Largest temperature difference between the file's measurement and now, °C, in the same room.
 const ROOM_C: f64 = 5.0;
 
 impl MeasuredSensor {

@@ -76,7 +76,7 @@ pub struct Sensor {
     pub bias_noise: [BiasNoise; 3],
     /// Angle random walk of the gyroscope about z, if it was measured.
     pub angle_walk_z_deg_per_root_s: Option<Estimate>,
-    /// The error of the accelerometer's axes that poses leave undetermined.
+    /// The error of the axes after poses.
     pub axes: AxesError,
 }
 
@@ -115,7 +115,7 @@ const BIAS_WALK: f64 = 5e-4;
 const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
-    /// Returns the data sheet's tolerances, which hold for every sensor of the type.
+    /// Returns the data sheet's tolerances.
     pub fn of_data_sheet() -> Self {
         let cross = |limit: f64| {
             std::array::from_fn(|i| {

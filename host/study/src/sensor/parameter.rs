@@ -16,8 +16,7 @@ pub struct Group {
 /// Number of errors.
 pub const PARAMETERS: usize = 39;
 
-/// The kinds of errors, in the order of the list. Matrices are stored by rows: the index of the reading axis, then the
-/// index of the axis that causes the error.
+/// The kinds of errors, in the order of the list. Matrices are stored by rows; a row belongs to a reading axis.
 pub const GROUPS: [Group; 7] = [
     Group { name: "gyroscope scale", range: 0..3 },
     Group { name: "gyroscope cross-axis", range: 3..12 },
@@ -71,7 +70,7 @@ impl Sensor {
         let matrix = |rows: &[[Estimate; 3]; 3]| Matrix3::from_fn(|i, j| rows[i][j].value);
         let inverse = |scale: &[Estimate; 3], cross: &[[Estimate; 3]; 3]| {
             let errors = Matrix3::from_diagonal(&scale.map(|scale| scale.value).into()) + matrix(cross);
-            // The errors of a working sensor are small, so the matrix is invertible.
+            // Invertible for a working sensor, because its errors are small.
             (Matrix3::identity() + errors).try_inverse().unwrap_or_else(Matrix3::identity)
         };
         let (gyro, accel) =

@@ -113,7 +113,7 @@ impl Hand {
         limit * (2.0 * self.random.uniform() - 1.0)
     }
 
-    /// Returns a matrix of numbers within limits: one limit for the diagonal, one for the other elements.
+    /// Returns a matrix with limits for its diagonal and its other elements.
     pub fn matrix(&mut self, diagonal: f64, beside: f64) -> Matrix3<f64> {
         Matrix3::from_fn(|i, j| self.within(if i == j { diagonal } else { beside }))
     }

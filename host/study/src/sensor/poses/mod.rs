@@ -21,7 +21,7 @@ use super::reading::{Mean, RawReading, Rests};
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Smallest cosine of the angle between an axis and the vertical in its pose: 18°.
+/// Smallest cosine between an axis and the vertical in its pose: 18°.
 const UPRIGHT: f64 = 0.95;
 
 /// Longest time without a new pose, s.
@@ -87,7 +87,7 @@ impl PosesWatch {
         Self { seconds, rests: Rests::default(), poses: [None; 6], since_s: None }
     }
 
-    /// Adds a reading. Returns what the operator is to do.
+    /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
     /// [`PosesError`] if no further pose comes.
@@ -189,7 +189,7 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
         let u = tilt_u / 2f64.sqrt();
         let cross = Estimate { value: 0.5 * (a + b), u };
         (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
-        // In a sensor rotated by r about k, axis i reads the share r of j, and axis j reads the share -r of i.
+        // In a sensor rotated by r about k, axis i reads r of j, and axis j reads -r of i.
         *mounting = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
     }
     let fits = fits(poses, &accel_offset_g)?;

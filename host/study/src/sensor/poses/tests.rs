@@ -48,9 +48,8 @@ fn intervals_contain_the_truth() {
             let j = (i + 1) % 3;
             count(0, result.accel_scale[i], hand.accel[(i, i)]);
             count(1, result.accel_offset_g[i], hand.offset_g[i]);
-            // The sensor's axes are the body's, rotated by the mounting that makes the cross-axis terms symmetric:
-            // after a rotation r about k, axis i reads the share r of j, where i, j, k is a cycle, and axis j reads -r
-            // of i.
+            // The mounting makes the cross-axis terms symmetric: after a rotation r about k, axis i reads r of j, where
+            // i, j, k is a cycle, and axis j reads -r of i.
             let k = (i + 2) % 3;
             let [a, b] = [hand.accel[(i, j)], hand.accel[(j, i)]];
             count(2, result.accel_cross[i][j], 0.5 * (a + b));

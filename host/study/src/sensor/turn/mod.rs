@@ -54,7 +54,7 @@ pub struct TurnPlan {
     pub turns: usize,
 }
 
-/// One turn, from the mean time of a rest to that of the next.
+/// One turn, from the mean time of a rest to the mean time of the next.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Turn {
     /// Angle about each body axis as measured by the sensor, degrees.
@@ -100,7 +100,7 @@ pub struct TurnWatch {
     from: Option<Mean>,
     /// Start of the present state, s.
     since_s: Option<f64>,
-    /// Angle since the previous rest, with that rest's bias removed, degrees.
+    /// Angle since the previous rest, without that rest's bias, degrees.
     angle_deg: [f64; 3],
     previous: Option<RawReading>,
     turns: Vec<Turn>,
@@ -135,7 +135,7 @@ impl TurnWatch {
         sign * self.plan.degrees * forwards.signum()
     }
 
-    /// Adds a reading. Returns what the operator is to do.
+    /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
     /// [`TurnError`].
@@ -242,7 +242,7 @@ impl TurnWatch {
         self.readings.retain(|reading| reading.time_s >= rest.span_s[0]);
     }
 
-    /// Refuses a turn about another axis or in the wrong direction, as soon as it is recognised.
+    /// Refuses a turn about another axis or the wrong way, as early as possible.
     fn check_way(&self) -> Result<(), TurnError> {
         let TurnPlan { axis, degrees, .. } = self.plan;
         let angle_deg = self.angle_deg[axis];

@@ -26,7 +26,7 @@ pub struct TurnResult {
     pub cross: [Option<Estimate>; 3],
     /// The angles as read, degrees.
     pub turned_deg: Vec<f64>,
-    /// Whether accelerometer and gyroscope agree that the first turn was counter-clockwise, seen from above.
+    /// Whether both sensors found the first turn counter-clockwise, seen from above.
     pub is_consistent: bool,
 }
 
