@@ -1,9 +1,9 @@
 //! Identifies the trial of a log by its content, not by its file name.
 //!
 //! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if
-//! it belongs to another plan, if its origin (rig, emulated board, model) or board differs from most logs', if it is
-//! older than the session, or if it is a copy of another log. A log with the name of another trial is used for the
-//! trial that it contains, with a finding.
+//! its plan, its origin (rig, emulated board, model) or its board differs from most logs', if it is older than the
+//! session, or if it is a copy of another log. A log with the name of another trial is used for the trial that it
+//! contains, with a finding.
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};

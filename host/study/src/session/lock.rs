@@ -24,9 +24,9 @@ pub struct Lock {
     _manifest: File,
 }
 
-/// Returns whether another program is writing into the session in `folder` alone, as `biflag record` does. Shards do not
-/// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is changed;
-/// a folder without a manifest is not in use.
+/// Returns whether another program has exclusive use of the session in `folder`, like `biflag record`. Shards do not
+/// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is
+/// changed; a folder without a manifest is not in use.
 pub fn is_in_use(folder: &Path) -> bool {
     // Two programs that ask at the same time share the lock.
     File::open(folder.join(MANIFEST))

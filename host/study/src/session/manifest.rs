@@ -21,7 +21,7 @@ const FORMAT: u32 = 1;
 pub(super) struct Manifest {
     #[serde(default = "format")]
     format: u32,
-    /// Start time of the session and the program that started it, for information only.
+    /// Start time and starting program of the session, for information only.
     #[serde(default)]
     pub created: String,
     #[serde(default)]

@@ -146,8 +146,8 @@ impl Session {
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
-        // A log that has lost its trial's record is assigned to a trial by its name, so a log of another session could
-        // be mistaken for one of this session.
+        // A log without its trial's record is assigned by its name, so a log of another session could be mistaken for
+        // one of this.
         if !folder.join(MANIFEST).exists()
             && let Some(log) = log_names(folder)?.into_iter().next()
         {

@@ -129,8 +129,8 @@ fn complete_log_wins_over_a_copy_of_its_beginning() {
     }
 }
 
-/// A log that cannot be read may be complete, so its trial is not repeated. Permissions do not apply to the superuser,
-/// so this test simulates a failing disk.
+/// A log that cannot be read may be complete, so its trial is not repeated. The test simulates a failing disk, because
+/// permissions do not apply to the superuser.
 #[test]
 #[cfg(target_os = "linux")]
 fn log_that_cannot_be_read_is_an_error_and_no_loss() {
