@@ -1,5 +1,5 @@
-//! Predicts the uncertainty of the held yaw before the trial: only the gyroscope measures the yaw, and its drift is
-//! only measured at rest.
+//! The uncertainty of the held yaw, before the trial: only the gyroscope measures the yaw, and only rest shows its
+//! drift.
 //!
 //! The terms are the relevant ones of a trial's budget ([`crate::trial::Budget`]), for a robot that leans by its mean
 //! tilt from the start:
@@ -42,7 +42,7 @@ pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, ti
     YawError {
         scale: sensor.gyro_scale[2].u * yaw_deg.abs(),
         gravity: gravity_dps.abs() * time_s,
-        // The change of the mean bias from the rest to the time in which the yaw is held.
+        // The change of the mean bias since the rest.
         bias: slope.hypot(sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
         warming: WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s,
         noise: walk * time_s.sqrt(),

@@ -44,7 +44,7 @@ const LAGS_S: [f64; 2] = [1.6, 5.3];
 /// The controller's knowledge of the robot: the speeds for an attitude, and the effect of changing them.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Map {
-    /// The target attitude, with the table's yaw modulo 360 degrees.
+    /// The target, whose yaw is shifted by whole turns to the table's.
     pub wanted: Wanted,
     /// The speeds, rpm.
     pub rpm: [f64; 2],

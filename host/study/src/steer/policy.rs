@@ -1,5 +1,4 @@
-//! A pilot in an external program: it reads a line of JSON with the observation from its standard input, and writes a
-//! line with two speeds.
+//! A pilot in another program, which reads a line of JSON with the observation and writes a line with two speeds.
 //!
 //! ```text
 //! {"time_s":12.35,"wanted_yaw_deg":-67.0,"wanted_pitch_deg":-4.0,"yaw_deg":-61.2,"pitch_deg":-3.1,"roll_deg":-4.0,

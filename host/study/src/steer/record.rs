@@ -20,7 +20,7 @@ impl Times {
         self.in_force_us.is_none_or(|in_force_us| in_force_us > self.due_us + super::PERIOD_US)
     }
 
-    /// Returns the time from the observation to the set-point in force, s.
+    /// Returns the time from the observation until the set-point is in force, s.
     pub fn latency_s(&self) -> Option<f64> {
         Some((self.in_force_us?.saturating_sub(self.observed_us)) as f64 * 1e-6)
     }
