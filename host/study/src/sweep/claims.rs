@@ -5,9 +5,9 @@
 //! claims/3-of-64.1.7    block 7 of its points is taken
 //! ```
 //!
-//! A claim is a file that only one program can create, which works even where locks do not. Claims only save work: at
-//! the end, the worker of a shard computes the blocks that others have claimed but not finished, and a restarted worker
-//! makes new claims. So no claim is ever removed, and a worker that dies with a claim costs nothing.
+//! A claim is a file that only one program can create, which works even where locks do not. Claims only save work: a
+//! worker finally computes all blocks of its shard that others have claimed but not finished, and makes new claims
+//! after a restart. So no claim is ever removed, and a dead worker's claim costs nothing.
 
 use super::SweepError;
 use super::point::Shard;

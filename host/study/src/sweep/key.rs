@@ -127,7 +127,7 @@ pub fn number(robot: &Value, key: &str) -> Option<f64> {
     real(value(robot, key)?)
 }
 
-/// Returns a value as a real number, if it is a number.
+/// Returns a numeric value.
 pub fn real(value: &Value) -> Option<f64> {
     match value {
         Value::Float(number) => Some(*number),
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!((robot.fluid.viscosity_pa_s, robot.solver.sweeps), (0.8, 30));
     }
 
-    /// The keys that a group claims to change are the keys that differ in the robot.
+    /// A group changes exactly the keys that it claims to change.
     #[test]
     fn a_group_moves_what_it_says() {
         let like = Robot {

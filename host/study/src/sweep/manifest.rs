@@ -1,7 +1,7 @@
 //! The manifest of a sweep's folder: everything that its points depend on.
 //!
 //! It is written once and never changed. Workers that start together may all write it: they write the same bytes, only
-//! one write succeeds in naming the file, and each worker reads the file back.
+//! one of them names the file, and each reads it back.
 
 use super::SweepError;
 use biflag_log::atomic_file;

@@ -132,7 +132,7 @@ pub struct PartReader {
     at_end: bool,
     /// Whether its worker has closed it.
     closed: bool,
-    /// Whether its last frame was read, with the right number of points.
+    /// Whether it ends with the right number of points.
     whole: bool,
 }
 

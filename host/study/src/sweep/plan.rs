@@ -62,7 +62,7 @@ pub struct SweepPlan {
     pub phases: usize,
     /// Pairs of speeds at which every robot runs, rpm; empty if the axes contain the speeds.
     pub speeds_rpm: Vec<[f64; 2]>,
-    /// What varies, in alphabetical order.
+    /// The axes, in alphabetical order.
     pub axes: Vec<Axis>,
     /// How the values of the axes are combined.
     pub design: Design,

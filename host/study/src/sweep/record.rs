@@ -28,7 +28,7 @@ pub struct Cost {
     pub sweeps: u64,
 }
 
-/// Where points were computed.
+/// The computer and the program that computed points.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Hash, Debug, Default)]
 pub struct Origin {
     /// Name of the computer.

@@ -24,7 +24,7 @@ pub struct Reason {
     pub points: u64,
     /// The first of them: its index in the plan.
     pub index: u64,
-    /// Its own reason, with numbers.
+    /// Its own reason.
     pub text: String,
 }
 

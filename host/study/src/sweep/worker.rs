@@ -118,7 +118,7 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// Returns all points of a shard, including known ones, so that every worker finds the same points in a block.
+    /// Returns all points of a shard, known ones too, so that a block is the same for every worker.
     fn order(&self, shard: Shard) -> Vec<u32> {
         self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()))
     }
@@ -214,7 +214,7 @@ mod tests {
     use crate::plan::RobotFile;
     use crate::sweep::SweepPlan;
 
-    /// Creates a sweep of 300 points that are impossible, and therefore cheap.
+    /// Creates a sweep of 300 impossible, and therefore cheap, points.
     fn folder(path: &std::path::Path) -> Folder {
         let text = "[vary]\n\"group.spacing\" = { from = 0.1, to = 0.4, count = 300 }\n[speeds]\npairs = [[50, 10]]";
         let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(RobotFile::built_in(name))).unwrap();
