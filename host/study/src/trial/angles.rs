@@ -22,8 +22,7 @@ pub struct Steady {
     pub window: Range<f64>,
     /// Whether yaw and pitch had settled.
     pub settled: bool,
-    /// Settling time, s from the start of the run; `None` if they did not settle, or if the model solved for the steady
-    /// state.
+    /// Settling time, s from the start of the run; `None` if not settled, or if the model solved for the steady state.
     pub settle_s: Option<f64>,
 }
 

@@ -20,7 +20,7 @@ const LAST_S: f64 = 1.0;
 /// Largest time constant of the return, relative to the robot file's.
 const SLOWER: f64 = 2.0;
 
-/// Assumed largest distance from the zero at which joint and tether may stop, degrees.
+/// Assumed largest distance from the zero at rest, due to joint and tether, degrees.
 const ALLOWED_DEG: f64 = 5.0;
 
 /// Returns a finding if the final yaw does not fit a return to rest. `stated_deg`: the 95 % uncertainty of the yaw at

@@ -200,7 +200,7 @@ pub struct Data {
     pub losses: Vec<Loss>,
     /// SHA-256 of the file, if requested.
     pub sha256: Option<String>,
-    /// Reasons why the run is shorter, or starts at another time, than recorded.
+    /// Reasons for a shortened or shifted run.
     pub warnings: Vec<String>,
     /// Findings about the log's identity within its session: see [`crate::session`].
     pub identity: Vec<Finding>,
@@ -251,8 +251,8 @@ impl Data {
         TrialMeta { w1_rpm, w2_rpm, ..trial }
     }
 
-    /// Returns the target speeds of flagella 1 and 2 at the start of the run. For a steered trial, returns their means
-    /// at the end of the run, where the steady angles are measured.
+    /// Returns the target speeds of flagella 1 and 2 at the start of the run; for a steered trial, their means at its
+    /// end, where the steady angles are measured.
     pub fn speeds(&self) -> [CentiRpm; 2] {
         let run = &self.times.run;
         self.steered_speeds((run.end - WINDOW).max(run.start)..run.end).unwrap_or_else(|| self.planned_speeds())
@@ -315,8 +315,7 @@ impl Data {
         self.longest_gap().is_some_and(|gap| gap.end - gap.start > LONG_GAP_S)
     }
 
-    /// Returns the longest gap in the frames. A model has none, because each sample contains the yaw with its full
-    /// turns.
+    /// Returns the longest gap in the frames. A model has none: its samples contain all full turns.
     pub(super) fn longest_gap(&self) -> Option<Range<f64>> {
         if self.is_model() {
             return None;

@@ -47,7 +47,7 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     found
 }
 
-/// Returns a finding if the robot was not still after the recorder's wait.
+/// Judges the recorder's wait for a still robot.
 fn wait(data: &Data) -> Option<Finding> {
     let rest = data.records.rest.as_ref().filter(|rest| !rest.still)?;
     let waited_s = rest.waited_s;

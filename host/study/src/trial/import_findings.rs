@@ -15,8 +15,7 @@ const SAME_SHARE: f64 = 0.03;
 /// Smallest number of rows per turn of the faster flagellum.
 const LEAST_ROWS_A_TURN: f64 = 4.0;
 
-/// A change of the attitude between two rows that exceeds both limits is not a motion, degrees and °/s. The fastest
-/// full turn takes 3 s.
+/// A change between two rows above both limits is not a motion, degrees and °/s. The fastest full turn takes 3 s.
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
@@ -27,8 +26,7 @@ const STOOD_S: f64 = 3.0;
 /// Difference from a recorded yaw that is worth a note if the uncertainty of the instrument is unknown, degrees.
 const UNKNOWN_DEG: f64 = 1.0;
 
-/// Rows of zeros in a run are not a measurement if there are this many, and the attitude of their neighbours is this
-/// far from zero.
+/// At least this many rows of zeros, with neighbours at least this far from zero, are not a measurement.
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
 

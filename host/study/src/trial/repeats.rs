@@ -9,8 +9,7 @@ pub struct AtSpeeds<T> {
     pub speeds_rpm: [f64; 2],
     /// Means of yaw, pitch and roll, with their signs.
     pub angles_deg: [f64; 3],
-    /// Mean of the tilts. The tilt of the mean attitude would hide tilts to different sides, for instance from
-    /// different starting phases.
+    /// Mean of the tilts. The mean attitude would hide tilts to different sides, as with different starting phases.
     pub tilt_deg: f64,
     /// Number of trials.
     pub trials: usize,

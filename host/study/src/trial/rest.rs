@@ -14,8 +14,8 @@ pub(super) const START_S: f64 = 1.0;
 /// Largest change of the tilt at the end of a still phase, degrees.
 const STILL_DEG: f64 = 0.5;
 
-/// The filter is settling if the rates that it cancels change by more than this, relative to the change that would
-/// explain the whole change of the tilt. A motion of the robot does not change these rates.
+/// The filter is settling if the rates that it cancels change by more than this share of the change that would explain
+/// the tilt's. A motion of the robot does not change these rates.
 const SETTLING: f64 = 0.1;
 
 /// Time at the end of a still phase in which its rate is compared with the calibration, s.
@@ -57,7 +57,7 @@ pub(super) fn start_is_missing(data: &Data, gap: &Range<f64>) -> Finding {
     Finding::slight(FindingKind::Rest, text, "")
 }
 
-/// Returns a finding about unknown uncertainties, with the reason. It is grave if the unknown error turns the yaw.
+/// Judges unknown uncertainties. The finding is grave if the unknown error turns the yaw.
 fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
     let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
     let long_preroll = "give the plan a pre-roll of 20 s";

@@ -1,10 +1,10 @@
 //! The noise of a robot's tilt at rest, and its return to rest, both at the input of the board's filter.
 //!
 //! The filter follows the accelerometer with a time constant T, and the gyroscope without delay: θ' = (a - θ)/T + ω. So
-//! θ + T θ' is the accelerometer's tilt, with the gyroscope's noise and bias. Unlike the noise of the tilt, its noise
-//! is white, so even one second gives a good estimate, and the settling of the filter does not affect it. A robot that
-//! returns to rest has θ = A exp(-t/τ), and the input is (1 - T/τ) times this: a straight-line fit of the input against
-//! the exponential gives A, with its uncertainty.
+//! θ + T θ' is the accelerometer's tilt, with the gyroscope's noise and bias. Unlike the tilt's, its noise is white, so
+//! even one second gives a good estimate, and it is free of the filter's settling. A robot that returns to rest has θ =
+//! A exp(-t/τ), and the input is (1 - T/τ) times this: a straight-line fit of the input against the exponential gives
+//! A, with its uncertainty.
 
 use super::blocks::{BLOCK_S, end_of};
 use crate::attitude::Track;
@@ -20,8 +20,8 @@ const LONGEST_S: f64 = 60.0;
 /// Shortest time constant of a return, s.
 const SHORTEST_RETURN_S: f64 = 1.0;
 
-/// Standard deviations above the expected scatter of blocks at which the noise no longer counts as white. White noise
-/// exceeds this in one of thirty rests.
+/// Excess scatter of blocks above which noise is not white, standard deviations. White noise exceeds it in one of
+/// thirty rests.
 const SLOW: f64 = 1.9;
 
 /// Smallest share of a return to rest in the input: a filter as slow as the robot hides the return.
@@ -93,7 +93,7 @@ impl Input {
         if groups < 3 {
             return None;
         }
-        // The return in the input, per degree of its mean over the zero.
+        // Per degree of the return's mean over the zero.
         let middle = 0.5 * (zero.start + zero.end);
         let share = (1.0 - self.filter_s / return_s).abs().max(LEAST_SHARE)
             / mean_of_return(zero.end - zero.start, return_s)

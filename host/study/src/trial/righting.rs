@@ -20,7 +20,7 @@ pub(super) struct Righting {
 }
 
 impl Righting {
-    /// Returns the return of the tilt in a trial of a robot with these time constants.
+    /// Returns the righting in a trial of a robot with these time constants.
     pub fn of(data: &Data, constants: Option<TimeConstants>) -> Self {
         let waited = |rest: &RestMeta| Some([rest.waited_s, rest.tilt_dps?]);
         let waited = data.records.rest.as_ref().and_then(waited);

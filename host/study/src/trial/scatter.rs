@@ -18,7 +18,7 @@ pub struct Repeat {
     /// Name of the trial.
     pub name: String,
     speeds_rpm: [f64; 2],
-    /// The motor that reverses, and the time of the reversal.
+    /// The reversing motor, and the time.
     reverse: Option<(u8, f64)>,
     /// Steady yaw, pitch and roll, degrees.
     angles_deg: [f64; 3],
@@ -77,11 +77,11 @@ pub struct Scatter {
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgement {
-    /// The scatter agrees with the budget.
+    /// As large as the budget.
     AsBudget,
-    /// The scatter is larger: something changes between the trials that the budget does not contain.
+    /// Larger: something changes between the trials that the budget does not contain.
     More,
-    /// The scatter is smaller: the budget is too large.
+    /// Smaller: the budget is too large.
     Less,
 }
 

@@ -36,7 +36,7 @@ const INTERVAL_S: f64 = 0.05;
 /// The derivatives over a trial.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities {
-    /// Derivatives of yaw, then pitch, then roll, with respect to each error.
+    /// Of yaw, then pitch, then roll, for each error.
     columns: Columns<COLUMNS>,
     /// Time constant of the board's filter, s.
     filter_s: f64,
@@ -61,8 +61,7 @@ struct Integrals {
 }
 
 impl Sensitivities {
-    /// Creates the integrals for a trial that begins at rest. `mounting`: the known rotation from the body's to the
-    /// sensor's axes.
+    /// Starts at rest. `mounting`: the known rotation from the body's to the sensor's axes.
     pub fn new(filter_s: f64, mounting: UnitQuaternion<f64>) -> Self {
         let integrals = Integrals {
             turned_deg: [0.0; 9],
@@ -299,8 +298,7 @@ mod tests {
         }
     }
 
-    /// While the robot turns, the lean of a mounting is removed in the direction of a second ago. The error disappears
-    /// when the robot stops.
+    /// In a turn, the lean of a mounting is removed in the direction of a second ago. The error ends with the turn.
     #[test]
     fn lean_of_a_mounting_is_wrong_in_a_turn_alone() {
         for (time_s, largest_deg) in [(1.0, 2.0), (2.0, 2.0), (12.0, 0.003)] {

@@ -38,7 +38,7 @@ const MAX_GAP_S: f64 = 0.05;
 /// Time in which a motor stops and turns the other way, s.
 const REVERSAL_S: f64 = 1.0;
 
-/// The attitude of a trial relative to its zero. Times are those of the log.
+/// The attitude of a trial relative to its zero. Times are on the log's clock.
 #[derive(Clone, Debug)]
 pub struct Zeroed {
     /// Yaw (unwrapped), pitch, roll, degrees.
@@ -202,8 +202,8 @@ impl Zeroed {
         }
     }
 
-    /// Computes an imported attitude. The zero is the mean attitude of the last second before the run. Without that
-    /// second, the yaw is zero at the start of the run, and pitch and roll are the table's.
+    /// The zero is the mean attitude of the last second before the run. Without it, the yaw is zero at the start of the
+    /// run, and pitch and roll are the table's.
     fn imported(data: &Data) -> Self {
         let run = data.times.run.clone();
         let still = data.times.preroll.start.max(run.start - START_S)..run.start;
@@ -441,8 +441,7 @@ fn level_of(data: &Data) -> Option<Level> {
     Some(Level { up: Vector3::from(level.up), force_g: level.force_g })
 }
 
-/// Returns the interval between readings that contains a time; if no reading follows, the interval from the last
-/// reading to that time.
+/// Returns the interval between the readings around a time, or from the last reading to that time.
 fn gap_at(readings: &[(f64, Reading)], time_s: f64) -> Option<Range<f64>> {
     let after = readings.partition_point(|(time, _)| *time <= time_s);
     let last = readings[..after].last()?.0;
