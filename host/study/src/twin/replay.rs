@@ -209,8 +209,7 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
     Ok(Prepared { model, course, findings, needs_phase })
 }
 
-/// Returns the course of a recorded trial for the model. The run begins when the motors start, shortly after the event
-/// of its phase.
+/// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after its phase.
 fn course(data: &Data, trial: &Trial) -> Result<Course, TwinError> {
     let own = |(name, start_s): &(String, f64)| {
         let phase = Phase::of_name(name).filter(|phase| ![Phase::Run, Phase::End].contains(phase))?;

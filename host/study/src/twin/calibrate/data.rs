@@ -56,7 +56,7 @@ impl FitTrial {
     /// Reads the log of a trial and prepares it.
     ///
     /// # Errors
-    /// [`TwinError::Log`], and those of [`Self::new`].
+    /// [`TwinError::Log`], and the errors of [`Self::new`].
     pub fn read(log: &Attempt) -> Result<Self, TwinError> {
         Self::new(&log.read(Want { hash: true, ..Want::default() })?)
     }

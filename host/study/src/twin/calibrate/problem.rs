@@ -17,9 +17,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// with the solver's error.
 const FD_STEP: f64 = 0.01;
 
-/// The solver's tolerance for finite differences. The differences must exceed the solver's error. Residuals use the
-/// tolerance of the robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been
-/// computed by the same solver.
+/// The solver's tolerance for finite differences, so that they exceed its error. Residuals use the tolerance of the
+/// robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been computed by the same
+/// solver.
 const TOLERANCE: f64 = 1e-3;
 
 /// Largest change of a parameter after which slopes are reused: it changes them by a similar relative amount, and a
@@ -123,8 +123,8 @@ impl<'a> Problem<'a> {
         self.given.weights.square(trial, &difference(&modelled, &self.given.trials[trial].measured))
     }
 
-    /// Returns the derivatives of the errors with respect to each parameter, at the present parameters or nearby;
-    /// `None` if the solver fails.
+    /// Returns the derivatives of the errors with respect to each parameter, here or nearby; `None` if the solver
+    /// fails.
     pub fn slopes(&self) -> Option<Arc<Slopes>> {
         let mut last = self.slopes.lock().unwrap_or_else(PoisonError::into_inner);
         let is_near = |at: &[f64]| at.iter().zip(&self.moved).all(|(at, now)| (at - now).abs() < SAME_SLOPES);

@@ -84,11 +84,10 @@ impl<'a, 'b> Response<'a, 'b> {
 
     /// Returns the possible change of each parameter due to the model's own errors, in the fit's variables.
     ///
-    /// These errors are the same in all trials, because the model neglects the same effects. The change is the response
-    /// to an error of the yaw in proportion to the yaw, and to an error of the tilt in proportion to the tilt, added in
-    /// quadrature. The shares refer to the measured angles, which the fitted model reproduces. For a model that is not
-    /// fitted, `compare` states the same error as a larger share of the modelled angles
-    /// ([`ModelError::of_modelled_deg`]).
+    /// They are the same in all trials, because the model neglects the same effects: an error of the yaw in proportion
+    /// to the yaw, and of the tilt in proportion to the tilt, added in quadrature. The shares refer to the measured
+    /// angles, which the fitted model reproduces. For a model that is not fitted, `compare` states a larger share of
+    /// the modelled angles ([`ModelError::of_modelled_deg`]).
     pub fn model_errors(&self, error: &ModelError) -> Vec<f64> {
         let share = |shares: [f64; 3]| {
             let of_trial =

@@ -217,7 +217,7 @@ impl Transient {
 /// Settling times of the attitudes.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Settling {
-    /// Measured settling time, from the start of the run; `None` if the attitude did not settle.
+    /// Measured, from the start of the run; `None` if not settled.
     pub measured_s: Option<f64>,
     /// The same for the model.
     pub modelled_s: Option<f64>,

@@ -41,7 +41,7 @@ impl<'a> Side<'a> {
         self.zeroed.seen_run().end - self.zeroed.run.start
     }
 
-    /// Converts a time range relative to the start of the run to the log's clock.
+    /// Converts a time from the run's start to the log's clock.
     pub fn on_clock(&self, from_start: &Range<f64>) -> Range<f64> {
         self.zeroed.run.start + from_start.start..self.zeroed.run.start + from_start.end
     }
@@ -65,13 +65,13 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Returns whether the modelled trial is a replay of the measured one.
+    /// Returns whether the model is a replay of the measurement.
     pub fn is_replay(&self) -> bool {
         is_replay_of(self.modelled.data, self.measured.data)
     }
 }
 
-/// Returns whether one log is the replay of another. The hash of the recording must have been read.
+/// Returns whether a log is the replay of a recording read with its hash.
 pub fn is_replay_of(replay: &Data, recording: &Data) -> bool {
     match (&replay.records.replay, &recording.sha256) {
         (Some(replay), Some(sha256)) => replay.source_sha256 == *sha256,

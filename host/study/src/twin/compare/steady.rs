@@ -26,8 +26,8 @@ pub(super) struct ErrorCauses {
 
 impl SteadyPair {
     /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the
-    /// window is at the end of the shorter one. A model compared with a measurement is averaged over the measurement's
-    /// window, because the model's own means over both motor angles would differ by part of a beat.
+    /// window is at the end of the shorter one. A model beside a measurement has the measurement's window, because its
+    /// own means over both motor angles would differ by part of a beat.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let Range { start, end } = measured.steady.window;

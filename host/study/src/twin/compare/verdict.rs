@@ -1,4 +1,4 @@
-//! A comparison as a sentence: the differences, the agreement with its bounds, and the limits of the comparison.
+//! A comparison as a sentence: the differences, the bounds of the agreement, and their limits.
 //!
 //! Trials agree if both their steady states and their transients do.
 

@@ -96,7 +96,7 @@ fn together(angles: &[SessionAngle]) -> Option<String> {
             _ => None,
         }
     };
-    // A single trial's own verdict already states this.
+    // A single trial has its own verdict.
     let found: Vec<String> = angles.iter().filter(|angle| angle.trials > 1).filter_map(one).collect();
     (!found.is_empty()).then(|| format!("all trials together differ in {}", listed(&found)))
 }
