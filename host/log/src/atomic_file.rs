@@ -53,8 +53,7 @@ impl Draft {
     pub fn create(path: &Path) -> Result<Self> {
         let draft = path.with_added_extension(format!("{}.partial", random_name()));
         let file = File::options().read(true).write(true).create_new(true).open(&draft)?;
-        // The lock protects the draft from `sweep`. Not every file system supports locks; without them, `sweep` must
-        // not be called.
+        // Protects the draft from `sweep`, which must not be called on file systems without locks.
         let _ = file.try_lock();
         Ok(Self { file, path: draft })
     }

@@ -7,8 +7,7 @@ use std::io::Read;
 /// Longest record that is accepted, packed or unpacked: a damaged length must not allocate all memory.
 pub(super) const MAX_RECORD: u64 = 64 << 20;
 
-/// Binary logarithm of the largest window of a zstd stream, that is of [`MAX_RECORD`]. A larger window would only use
-/// memory.
+/// Binary logarithm of the largest window of a zstd stream, [`MAX_RECORD`]. A larger window would only use memory.
 const WINDOW_LOG: u32 = MAX_RECORD.ilog2();
 
 /// Length of the head of a record: operation code and length.

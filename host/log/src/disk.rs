@@ -122,7 +122,7 @@ impl Disk {
         }
     }
 
-    /// Sends a job to the thread, which ends early only after an error.
+    /// Sends a job. The thread ends early only after an error.
     fn send(&self, job: Job) -> io::Result<()> {
         let sent = self.jobs.as_ref().map(|jobs| jobs.send(job));
         match sent {

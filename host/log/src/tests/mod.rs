@@ -120,7 +120,7 @@ fn plain(entry: Entry) -> Option<Plain> {
     }
 }
 
-/// Returns whether the log still has the declarations of the channels, from its first chunk.
+/// Returns whether the log has its first chunk, which declares the channels.
 fn introduces(log: &[u8]) -> bool {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
     match scanner.next().unwrap() {

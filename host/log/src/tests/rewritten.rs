@@ -162,7 +162,7 @@ fn rewritten_log_that_is_cut_is_not_whole() {
     }
 }
 
-/// In an original, a missing CRC or index is damage, although other programs may omit them.
+/// An original without a CRC is damaged, although other programs may omit it.
 #[test]
 fn original_log_without_a_crc_is_damaged() {
     let log = bytes_of_log(8);
