@@ -221,8 +221,7 @@ impl Worker {
     }
 
     fn read(&mut self) -> Result<(), Disconnected> {
-        // If this program was stopped for a while, its port has buffered the bytes received meanwhile. So silence is
-        // only counted up to here.
+        // Silence counts up to here: after a stop of this program, its port has buffered bytes.
         let asked = Instant::now();
         let mut buffer = [0; 1024];
         match self.port.read(&mut buffer) {
@@ -334,8 +333,7 @@ impl Worker {
     }
 }
 
-/// Returns a first sequence number that most likely differs from an earlier program's, because the board remembers that
-/// program's last request.
+/// Returns a first sequence number that hardly equals an earlier program's last one, which the board remembers.
 fn first_seq() -> u8 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
 }

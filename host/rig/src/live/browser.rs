@@ -136,7 +136,7 @@ impl Door {
     }
 }
 
-/// Returns an answer that is not stored by caches and does not leak to other pages or links.
+/// Returns an answer that no cache stores and no other page or link sees.
 fn kept_private(body: &str, kind: &str) -> Response<io::Cursor<Vec<u8>>> {
     let headers = [
         ("Content-Type", kind),

@@ -97,7 +97,7 @@ pub fn turn(
         .command(Command::TurnTo { position, speed })
         .map_err(RecordError::from)
         .and_then(|()| wait(link, interrupted));
-    // Stop motors that have not arrived, or that the program no longer waits for.
+    // Stops motors that have not arrived.
     let stopped = link.command(Command::Stop);
     stream::end(link)?;
     let reached = reached?;

@@ -11,8 +11,8 @@ use study::plan::TICK_US;
 /// its samples have the same times in every trial.
 const GRID_US: u64 = 100_000;
 
-/// Time for a request to reach the board, by its clock, µs. It is doubled whenever it was too short, because this
-/// computer may be busy, and an emulated board's clock may be faster than real time.
+/// Time for a request to reach the board, by its clock, µs. It is doubled if it was too short: this computer may be
+/// busy, and an emulated board faster than real time.
 const LEAD_US: u64 = 40_000;
 const MAX_LEAD_US: u64 = 20_000_000;
 
@@ -25,7 +25,7 @@ pub(super) fn send(recorder: &mut Recorder, points: &[SetPoint]) -> Result<(), R
     (0..).zip(points).try_for_each(|(index, point)| recorder.command(Command::SetPoint { index, point: *point }))
 }
 
-/// Fails if the board has restarted, because it has then lost the plan's settings and the set-points.
+/// Fails if the board has restarted, and so lost the plan's settings and the set-points.
 fn refuse_restart(recorder: &mut Recorder) -> Result<(), RecordError> {
     recorder.restart().map_or(Ok(()), |cause| Err(RecordError::Restarted(cause)))
 }

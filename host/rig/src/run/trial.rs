@@ -198,7 +198,7 @@ fn phases(
     let waits = still::wait(recorder, context.progress, trial)?;
     let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
-        // Calibrate before the start, so that the trial cannot be refused after the motors turn.
+        // Before the start: a refusal must come before the motors turn.
         let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
         let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;

@@ -1,4 +1,4 @@
-//! Sends requests to the board while a trial runs, and records everything that arrives before the answer.
+//! Sends requests during a trial, and records everything that arrives before the answer.
 
 use super::{Frame, Recorder, first_failure};
 use crate::link::LinkError;
@@ -48,9 +48,8 @@ impl Recorder<'_> {
         Ok(answer?)
     }
 
-    /// Sends a request. Returns the answer, and the first failure of the events that arrived meanwhile. These events
-    /// are recorded, because a board that answers late must not delay the log. The exchange itself is logged when the
-    /// link reports it.
+    /// Sends a request. Returns the answer, and the first failure of the events recorded meanwhile: a board that
+    /// answers late must not delay the log. The exchange itself is logged when the link reports it.
     pub(in crate::run) fn exchange(&mut self, command: Command) -> (Result<Reply, LinkError>, Result<(), RecordError>) {
         let asked = match self.link.send(command) {
             Ok(asked) => asked,
@@ -71,8 +70,8 @@ impl Recorder<'_> {
         }
     }
 
-    /// Records events that arrive within `timeout` while waiting for an answer. Frames are held back for the code that
-    /// follows the phases, but no longer than the log allows.
+    /// Records events that arrive within `timeout` while waiting for an answer. Frames wait for the code that follows
+    /// the phases, but no longer than the log allows.
     fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
         let mut outcome = match self.link.next(timeout) {
             Some(received) => self.take_frame(received),
