@@ -135,8 +135,7 @@ impl Progress {
 
     /// Prints the remaining lines and removes the bar. Nothing is shown afterwards.
     ///
-    /// If the terminal hangs for a second, the remaining lines are left to the drawing thread, so that the command can
-    /// end.
+    /// If the terminal hangs for a second, the remaining lines are left to the drawing thread, so the command can end.
     pub fn finish(&self) {
         let Some(shared) = &self.shared else { return };
         let mut state = lock(&shared.state);

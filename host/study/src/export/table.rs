@@ -193,7 +193,7 @@ fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     data.readings.iter().enumerate().map(row).collect()
 }
 
-/// Returns the index of a time; equal to within rounding is enough.
+/// Returns the index of a time, equal to within rounding.
 fn index_at(times_s: &[f64], time_s: f64) -> Option<usize> {
     let index = times_s.partition_point(|time| *time < time_s - SAME_S);
     times_s.get(index).is_some_and(|time| (time - time_s).abs() <= SAME_S).then_some(index)
