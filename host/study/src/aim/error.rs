@@ -53,7 +53,7 @@ pub enum AimError {
         /// Number of rows.
         rows: usize,
     },
-    /// The model of the robot fails at all speeds that were tried.
+    /// The model of the robot fails at all speeds tried.
     #[error("the model of this robot has no steady state at {} and {} rpm", rpm[0], rpm[1])]
     Model {
         /// The speeds.

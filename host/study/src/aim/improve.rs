@@ -14,7 +14,7 @@ use protocol::units::CentiRpm;
 
 /// Largest step of a speed at first, rpm.
 const FIRST_STEP: f64 = 20.0;
-/// Smallest step that is tried, rpm.
+/// Smallest step tried, rpm.
 const LAST_STEP: f64 = 0.05;
 /// Most evaluations of the model in a search.
 pub const VALUES: usize = 9;

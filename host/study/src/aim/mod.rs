@@ -166,7 +166,7 @@ struct Found {
 /// Finds speeds for a target within the time `longest`. `known`: what is known about the robot's parameters.
 ///
 /// # Errors
-/// [`AimError::Model`] if the model fails at all speeds that were tried, and [`AimError::Interrupted`].
+/// [`AimError::Model`] if the model fails at all speeds tried, and [`AimError::Interrupted`].
 pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest: Duration) -> Result<Aimed, AimError> {
     let begun = Instant::now();
     let until = |share: f64| Model { until: begun.checked_add(longest.mul_f64(share)), ..*model };
