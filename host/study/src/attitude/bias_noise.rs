@@ -22,8 +22,8 @@ pub struct BiasNoise {
 }
 
 impl BiasNoise {
-    /// Returns the covariance of the mean biases over two stretches of time, (°/s)². The walk is zero at `from_s`,
-    /// which must not be later than either stretch.
+    /// Returns the covariance of the mean biases over two stretches of time, (°/s)². The walk is zero at `from_s`, not
+    /// later than either stretch.
     pub fn covariance(self, one: &Range<f64>, other: &Range<f64>, from_s: f64) -> f64 {
         self.of_walk(one, other, from_s) + self.of_flicker(one, other)
     }

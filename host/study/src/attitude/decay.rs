@@ -40,7 +40,7 @@ pub(super) struct Decay {
 
 impl Decay {
     /// Finds the longest part at the end of a phase that two exponentials describe. `single` is the part that one
-    /// exponential describes; it is returned if no longer part is found. Returns `None` if there is neither. `bias`:
+    /// exponential describes; it is returned unless a longer part is found. `None` if there is neither. `bias`:
     /// approximate rate at rest, °/s; `walk`: angle random walk, °/√s.
     pub fn find(yaw: Track, phase: &Range<f64>, single: Option<Range<f64>>, bias: f64, walk: f64) -> Option<Self> {
         let end = phase.end.min(yaw.span().end);

@@ -147,8 +147,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
         }
         residual += of_mean.x;
         residual_square += of_square.m11;
-        // The rotation for rates of 1 °/s: the part of the rates that the motions explain is no bias, and the robot
-        // still turns back.
+        // The rotation for rates of 1 °/s: rates that the motions explain are no bias, and the robot still turns back.
         let mut turned = -(&still.cross * &family.columns);
         let tau = family.time_constant_s;
         turned.column_mut(0).add_scalar_mut(tau * (-(still.from_s - motions.run_s) / tau).exp());

@@ -88,7 +88,7 @@ impl<const N: usize> Columns<N> {
         times.map(is_seen).collect()
     }
 
-    /// Returns the columns with a row of NaN in each gap, so that no line is drawn across it.
+    /// Returns the columns with a row of NaN in each gap, so no line is drawn across it.
     #[must_use]
     pub fn broken_at_gaps(&self) -> Self {
         let Some(longest_s) = self.longest_step_s() else { return self.clone() };
