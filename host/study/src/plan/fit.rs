@@ -29,7 +29,7 @@ pub struct Fit {
     pub degrees_of_freedom: f64,
     /// Covariance of the parameters' errors, in their order. Units: the row's unit times the column's.
     pub covariance: Vec<Vec<f64>>,
-    /// The part of the covariance that is estimated from the scatter of the residuals.
+    /// The part of the covariance estimated from the scatter of the residuals.
     pub scatter_covariance: Vec<Vec<f64>>,
     /// Whether the covariance lacks the correlations: earlier versions wrote comments without them.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
