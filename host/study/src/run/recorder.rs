@@ -253,7 +253,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Records the fit of the board's clock to the host's.
+    /// Records the board's clock against the host's.
     ///
     /// # Errors
     /// [`LogError::Write`].

@@ -34,7 +34,7 @@ pub struct Batch<'a> {
     simulated_ms: AtomicU64,
 }
 
-/// A trial that was computed.
+/// A computed trial.
 #[derive(Debug)]
 pub struct ModelRun {
     /// The trial.
@@ -70,8 +70,7 @@ impl<'a> Batch<'a> {
             result => Some(result),
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(ModelError::Threads)?;
-        // A bridge hands out the trials one by one, so that an interruption leaves the first trials of the plan
-        // complete.
+        // A bridge hands out the trials one by one, so an interruption leaves the first trials of the plan complete.
         let runs: Result<Vec<_>, _> = pool.install(|| jobs.iter().par_bridge().filter_map(one).collect());
         let mut runs = runs?;
         runs.sort_by_key(|run| run.trial.index);

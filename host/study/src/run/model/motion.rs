@@ -12,7 +12,7 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::sample::Sample;
 use std::vec;
 
-/// A motion, as an iterator over its samples. Their times are relative to the start of the record.
+/// A motion, as an iterator over its samples. Times are from the start of the record.
 pub struct Motion(Source);
 
 enum Source {
