@@ -5,8 +5,8 @@ use super::super::least_squares::{Fit, expanded};
 use super::super::{Estimate, Sensor};
 use super::{Turn, TurnPlan};
 
-/// Assumed error of the axis's uprightness, as placed by the operator with the mounting, rad: within 3°. An unmeasured
-/// accelerometer is less accurate.
+/// Tolerance within which the operator places the axis upright, in a mounting, rad: 3°. An unmeasured accelerometer is
+/// less accurate.
 const UPRIGHT: Estimate = Estimate::within(0.052);
 
 /// Result of turns about an axis.
@@ -33,7 +33,7 @@ pub struct TurnResult {
 /// Evaluates turns. `force_g` is the mean specific force at the rests.
 ///
 /// A turn by σD about the vertical u (σ = 1 counter-clockwise seen from above) reads, about axis i,
-/// k_i D = σ ((1 + s_i) u_i + Σ c_ij u_j) D. For the approximately vertical axis a, σ is the sign of k_a u_a.
+/// k_i D = σ ((1 + s_i) u_i + Σ c_ij u_j) D. For the nearly vertical axis a, σ is the sign of k_a u_a.
 pub(super) fn evaluate(
     plan: &TurnPlan,
     turns: &[Turn],
@@ -113,7 +113,7 @@ fn fit(plan: &TurnPlan, turns: &[Turn], i: usize) -> Option<Fit> {
 const ZERO_G: Estimate = Estimate::within(0.08);
 
 /// Returns the direction of up in body axes and its transverse standard uncertainty, from a force at rest and the known
-/// errors of the accelerometer. Body axis `axis` is approximately vertical.
+/// errors of the accelerometer. Body axis `axis` is nearly vertical.
 fn vertical(force_g: [f64; 3], axis: usize, known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
     let sensor = known.known();
     let offset = |i: usize| known.get("accel_offset_g", AXES[i]).unwrap_or(ZERO_G);
