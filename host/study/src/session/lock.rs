@@ -28,7 +28,7 @@ pub struct Lock {
 /// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is
 /// changed; a folder without a manifest is not in use.
 pub fn is_in_use(folder: &Path) -> bool {
-    // Two programs that ask at the same time share the lock.
+    // Two programs that ask at once share the lock.
     File::open(folder.join(MANIFEST))
         .is_ok_and(|manifest| matches!(manifest.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
@@ -40,7 +40,7 @@ impl Session {
     /// [`SessionError::InUse`] if another program holds the lock.
     pub fn lock(&self, sharing: Sharing) -> Result<Lock, SessionError> {
         let path = self.folder().join(MANIFEST);
-        // On network file systems an exclusive lock requires a file that is open for writing.
+        // On network file systems an exclusive lock requires a file open for writing.
         let manifest = File::options()
             .read(true)
             .write(true)

@@ -57,7 +57,7 @@ pub struct TrialState {
 /// A log of a trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Attempt {
-    /// Number of the attempt, from 1. A recovered log has the number of the log that it was recovered from.
+    /// Number of the attempt, from 1. A recovered log has the number of its original.
     pub number: u32,
     /// The log.
     pub path: PathBuf,
@@ -206,7 +206,7 @@ impl Session {
         self.states_among(self.plan.trials.iter(), &log_names(&self.folder)?)
     }
 
-    /// Returns the state of each trial. If a trial has several logs, they are checked in full, so that an intact log is
+    /// Returns the state of each trial. If a trial has several logs, they are checked in full, so an intact log is
     /// preferred to a later damaged one.
     ///
     /// # Errors

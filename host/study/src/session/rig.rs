@@ -3,8 +3,7 @@
 use super::{Session, SessionError, TrialState};
 use biflag_log::{BoardMeta, Identity, Origin, SensorMeta};
 
-/// Settings that do not make measurements incomparable: the wiring's settings only make the speeds right, and the id is
-/// compared separately.
+/// Settings that may differ: the wiring's settings only make the speeds right, and the id is compared separately.
 const NOT_COMPARED: [&str; 7] =
     ["board_id", "gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv", "motor_reversed", "encoder_reversed"];
 
