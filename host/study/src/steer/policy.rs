@@ -50,7 +50,7 @@ impl Patience {
     pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(60) };
 }
 
-/// The stream that receives the observations.
+/// Receives the observations.
 #[derive(Debug)]
 enum Input {
     Child(ChildStdin),

@@ -3,7 +3,7 @@
 use super::SetPoint;
 use biflag_log::schema::biflag::{self, Vector};
 
-/// Times of a set-point: when it was due, observed and in force.
+/// The times when a set-point was due, observed and in force.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Times {
     /// The board's clock when it was due, µs.
