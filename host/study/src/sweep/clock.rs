@@ -1,5 +1,5 @@
-//! The time of the computer that stores a folder. The clocks of the computers that share the folder may differ from
-//! this time, and from each other, by any amount.
+//! The time of the computer that stores a folder. The clocks of the computers that share it may differ from this time,
+//! and from each other, by any amount.
 
 use biflag_log::atomic_file::Draft;
 use std::io::{Error, Write};

@@ -38,8 +38,8 @@ pub struct Merged {
     pub done: u64,
     /// Number of rows of failed points.
     pub failed: u64,
-    /// Number of points that were computed several times with different results, for instance on different types of
-    /// processor. The table has one of these results, chosen by its bytes.
+    /// Number of points computed several times with different results, for instance on different types of processor.
+    /// The table has one of these results, chosen by its bytes.
     pub different: u64,
     /// Parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,

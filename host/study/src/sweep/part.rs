@@ -9,7 +9,7 @@
 //! the content, an [`Entry`] in postcard's format. All times come from the computer that stores the folder, because the
 //! clocks of workers differ. A frame is written in one call, so a killed worker loses only the points that it was
 //! computing. A frame torn by a crash of the computer or a full disk ends the part. The last frame of a closed part has
-//! the number of its points, so that a part that was cut off during copying is detected.
+//! the number of its points, so a part cut off during copying is detected.
 
 use super::clock::seconds;
 use super::record::{Origin, Record};
@@ -74,7 +74,7 @@ impl PartWriter {
         Ok(part)
     }
 
-    /// Appends a point that was computed elsewhere.
+    /// Appends a point computed elsewhere.
     ///
     /// # Errors
     /// The file cannot be written.

@@ -123,7 +123,7 @@ impl<'a> Work<'a> {
         self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()))
     }
 
-    /// Adds the points that have been finished meanwhile.
+    /// Adds the points finished meanwhile.
     fn look_again(&mut self) -> Result<(), SweepError> {
         self.folder.read(|_, record| {
             self.known.add(record.index);
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!(folder.counts(Shard::ALL).unwrap().done.count(), folder.points(shard));
     }
 
-    /// The worker does not wait for a helper that has claimed a block without finishing it.
+    /// A worker does not wait for a helper with an unfinished block.
     #[test]
     fn a_shard_is_done_when_its_worker_ends() {
         let path = tempfile::tempdir().unwrap();
