@@ -9,7 +9,7 @@ use super::data::Data;
 use crate::attitude::rotation;
 use std::ops::Range;
 
-/// Part of the run that is checked, s, in which the robot tilts.
+/// Checked part of the run, s, in which the robot tilts.
 const SEEN_S: f64 = 10.0;
 
 /// Part of the rest that shows the bias of the rates, s.
@@ -33,8 +33,8 @@ struct Sums {
     passed_s: f64,
 }
 
-/// Returns the largest correction of the tilt in the first seconds of the run and the allowed one, degrees, if the
-/// correction exceeds it. Trials without rates, or without a rest that shows the bias, are not judged.
+/// Returns the largest correction of the tilt in the first seconds of the run and its limit, degrees, if it is
+/// exceeded. Trials without rates, or without a rest that shows the bias, are not judged.
 pub(super) fn contradiction(data: &Data) -> Option<[f64; 2]> {
     let run = &data.times.run;
     let rest = sums(data, run.start - REST_S..run.start)?.last().copied()?;

@@ -28,7 +28,7 @@ pub struct Finding {
     pub text: String,
     /// The remedy; empty if there is none.
     pub cure: String,
-    /// Whether the trial's numbers may be wrong, so that commands exit with 3.
+    /// Whether the trial's numbers may be wrong; commands then exit with 3.
     pub grave: bool,
     /// Whether the uncertainties hold nevertheless, because the loss does not affect the angles.
     #[serde(skip)]

@@ -136,8 +136,7 @@ fn sensor(data: &Data) -> Vec<Finding> {
     found
 }
 
-/// Returns a finding if the gravity by the sensor's file is wrong, because the file's errors are removed from the
-/// angles.
+/// Returns a finding if the sensor's file gives a wrong gravity: its errors are removed from the angles.
 fn other_sensor(data: &Data) -> Option<Finding> {
     let file = data.records.measured_sensor.as_ref()?;
     let level = data.records.level.as_ref()?;

@@ -39,7 +39,7 @@ pub(super) fn findings(
     has_still: bool,
     drift: Option<&Drift>,
 ) -> Vec<Finding> {
-    // A sensor that is turned by hand needs no rest.
+    // A sensor turned by hand needs no rest.
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
     let unknown = if data.times.has_run() { unknown(data, series, rest, has_still, drift) } else { None };
     let moved = if has_still { tilt_changed(series, rest) } else { None };

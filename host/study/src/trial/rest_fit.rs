@@ -14,7 +14,7 @@ use std::ops::Range;
 /// would matter.
 const MEAN_S: f64 = 0.2;
 
-/// Longest rest that is fitted, s: over minutes, the accelerometer's reading changes with its temperature.
+/// Longest fitted rest, s: over minutes, the accelerometer's reading changes with its temperature.
 const LONGEST_S: f64 = 60.0;
 
 /// Shortest time constant of a return, s.

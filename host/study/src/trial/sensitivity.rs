@@ -46,8 +46,8 @@ pub(super) struct Sensitivities {
     last: Option<(f64, UnitQuaternion<f64>)>,
 }
 
-/// Integrals over the trial. `[3 i + j]`: for the error of axis i in proportion to j. Leans are changes of up in the
-/// world's axes, per unit of an error in SI.
+/// Integrals. `[3 i + j]`: for the error of axis i in proportion to j. Leans are changes of up in the world's axes, per
+/// unit of an error in SI.
 #[derive(Clone, Debug)]
 struct Integrals {
     /// ∫ u_i dθ_j, degrees.

@@ -29,7 +29,7 @@ use sim::trial::means::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Smallest gain of the board's filter that is distinguished from zero, 1/s.
+/// Smallest gain of the board's filter distinguished from zero, 1/s.
 const MIN_GAIN: f64 = 0.01;
 
 /// Longest gap in the readings at the start of the run that hides no motion, s.
@@ -43,7 +43,7 @@ const REVERSAL_S: f64 = 1.0;
 pub struct Zeroed {
     /// Yaw (unwrapped), pitch, roll, degrees.
     pub angles_deg: Columns<3>,
-    /// The zero that was subtracted: yaw, pitch, roll, degrees. All zero for a model.
+    /// The subtracted zero: yaw, pitch, roll, degrees. All zero for a model.
     pub zero_deg: [f64; 3],
     /// Time range of the run, s.
     pub run: Range<f64>,
@@ -393,7 +393,7 @@ impl Zeroed {
         }
     }
 
-    /// Returns the drift that was removed from the yaw at a time, degrees.
+    /// Returns the drift removed from the yaw at a time, degrees.
     pub fn yaw_drift(&self, time_s: f64) -> f64 {
         self.drift().map_or(0.0, |drift| drift.at(time_s))
     }
@@ -435,7 +435,7 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     readings
 }
 
-/// Returns the level that is removed from the attitude, if there is one.
+/// Returns the level removed from the attitude, if there is one.
 fn level_of(data: &Data) -> Option<Level> {
     let level = data.records.level.as_ref().filter(|level| level.used)?;
     Some(Level { up: Vector3::from(level.up), force_g: level.force_g })
