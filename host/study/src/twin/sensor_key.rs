@@ -46,8 +46,7 @@ impl SensorKey {
         Self { board_id, ..Self::default() }
     }
 
-    /// Returns whether both are the same device, with the same or other measured errors. Boards without a number count
-    /// as one.
+    /// Returns whether both are the same device, whatever its measured errors. Boards without a number count as one.
     pub fn is_of_board(&self, other: &Self) -> bool {
         self.board_id == other.board_id && self.emulated == other.emulated
     }

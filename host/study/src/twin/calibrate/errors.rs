@@ -28,7 +28,7 @@ pub(super) struct TrialErrors {
 impl TrialErrors {
     /// Adds the errors of solver and clocks to the sensor's. `block_s`: length of a block.
     pub fn new(sensor: Option<SensorKey>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
-        // A model counts as a sensor with very little noise.
+        // A model counts as a sensor with little noise.
         let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
         let own = [0, 1, 2].map(|k| {
             let (turned, last) = (&measured[k], measured[k].len().saturating_sub(1));

@@ -30,8 +30,8 @@ impl Parameter {
     pub const ALL: [Self; 7] =
         [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::Young, Self::MountYaw, Self::Phase];
 
-    /// Returns the parameters that are fitted by default. The flagella's stiffness is not among them: it is better
-    /// measured on a rod, and is nearly indistinguishable from the viscosity.
+    /// Returns the parameters fitted by default. The flagella's stiffness is not among them: it is better measured on a
+    /// rod, and is nearly indistinguishable from the viscosity.
     pub fn usual(robot: &Robot) -> Vec<Self> {
         let mut usual = vec![Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::MountYaw];
         usual.retain(|parameter| parameter.has_effect(robot));

@@ -175,7 +175,7 @@ impl<'a> Problem<'a> {
         blocks.filter(|_| goes_on)
     }
 
-    /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
+    /// Returns the attitude measured by a sensor rotated about the vertical in the body.
     fn mounted(&self, modelled: &[Blocks], moved: &[f64]) -> Vec<Blocks> {
         let yaw = self
             .given
@@ -195,7 +195,7 @@ fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
     [0, 1, 2].map(|k| modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect())
 }
 
-/// Returns the blocks of a sensor that is rotated by `yaw` (rad) about z in the body.
+/// Returns the blocks of a sensor rotated by `yaw` (rad) about z in the body.
 fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
     let mut result: Blocks = Default::default();

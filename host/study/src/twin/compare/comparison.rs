@@ -33,7 +33,7 @@ pub struct Comparison {
     pub settling: Settling,
     /// Share of the run in which both attitudes are known; gaps of a log make up the rest.
     pub compared_share: f64,
-    /// Drift that was removed from the measured steady yaw.
+    /// Drift removed from the measured steady yaw.
     pub yaw_drift_deg: f64,
     /// The subtracted zero: yaw, pitch and roll in the still phase before the run.
     pub measured_zero_deg: [f64; 3],

@@ -1,4 +1,4 @@
-//! Checks whether two attitudes approach their steady ends in the same way.
+//! Compares how two attitudes approach their steady ends.
 //!
 //! The run is divided into blocks of some seconds, over which the wobble of the robot with its flagella averages out.
 //! Let r be the errors of the blocks and C their covariance due to the measurement: drift, noise, and the sensor's
