@@ -10,8 +10,8 @@ use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so that links in
-/// an untrusted folder cannot redirect the write.
+/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so links in an
+/// untrusted folder cannot redirect the write.
 ///
 /// # Errors
 /// The file cannot be written; an existing file is unchanged. A device is not replaced.

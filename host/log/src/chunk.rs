@@ -4,7 +4,7 @@ use super::record::parse;
 use mcap::records::{Channel, MessageHeader, Record, SchemaHeader};
 use std::io::Read;
 
-/// Longest record that is accepted, packed or unpacked: a damaged length must not allocate all memory.
+/// Longest accepted record, packed or unpacked: a damaged length must not allocate all memory.
 pub(super) const MAX_RECORD: u64 = 64 << 20;
 
 /// Binary logarithm of the largest window of a zstd stream, [`MAX_RECORD`]. A larger window would only use memory.

@@ -1,4 +1,4 @@
-//! A file that is written and synced in the background, so that a slow disk does not delay the trial.
+//! A file written and synced in the background, so a slow disk does not delay the trial.
 
 use super::LogError;
 use super::atomic_file::sync_folder_of;

@@ -46,7 +46,7 @@
 //!
 //! The `publish_time` of a message is the host's clock when it was received. Its `log_time` is the trial's clock: the
 //! board's time, counted from the host's clock at the first telemetry frame. A message without the board's time takes
-//! the time of the previous frame, so that a trial recorded faster than real time still has its full length.
+//! the time of the previous frame, so a trial recorded faster than real time still has its full length.
 //!
 //! A modelled trial begins at the epoch, and both times are the trial's. So its log depends only on plan, robot and
 //! program, byte for byte: not on the date, the computer, or the number of trials that run in parallel.
@@ -98,8 +98,8 @@ pub const PROFILE: &str = "biflag";
 /// Longest trial, s (one week). A log with later times is damaged.
 pub const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;
 
-/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so a time that was rounded to
-/// nanoseconds is restored exactly. A product with 1e-9 could lie after the end of the trial.
+/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so a time rounded to nanoseconds is
+/// restored exactly. A product with 1e-9 could lie after the end of the trial.
 fn seconds(time_ns: u64) -> f64 {
     time_ns as f64 / 1e9
 }

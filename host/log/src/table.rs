@@ -42,7 +42,7 @@ pub(super) fn has_crc(table: &Table) -> bool {
     table.contains_key(CRC)
 }
 
-/// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so that logs of other
+/// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so logs of other
 /// versions can be read.
 pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
     // The default value determines which fields are text.

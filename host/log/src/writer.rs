@@ -37,7 +37,7 @@ pub struct Start {
 
 /// A log being written.
 ///
-/// Every quarter of a second the current chunk is closed, and a separate thread writes and syncs it, so that a killed
+/// Every quarter of a second the current chunk is closed, and a separate thread writes and syncs it, so a killed
 /// program loses at most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing
 /// for minutes, because pending chunks are kept in memory. A modelled or imported trial can be written again, and its
 /// log must not depend on the computing time: its chunks are only closed by size.
@@ -307,8 +307,8 @@ impl std::fmt::Debug for Writer {
     }
 }
 
-/// Returns the options of the MCAP writer. Chunks are assembled in memory and written in one piece, so that a killed
-/// writer leaves no partial chunk. They are compressed without threads, because they are small.
+/// Returns the options of the MCAP writer. Chunks are assembled in memory and written in one piece, so a killed writer
+/// leaves no partial chunk. They are compressed without threads, because they are small.
 pub(super) fn options() -> mcap::WriteOptions {
     mcap::WriteOptions::new()
         .profile(PROFILE)

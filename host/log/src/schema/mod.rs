@@ -25,7 +25,7 @@ pub mod foxglove {
 /// A channel of the log.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ChannelSpec {
-    /// Number in the file. It is fixed, so that messages can be decoded even if the chunk that declares the channels is
+    /// Number in the file. It is fixed, so messages can be decoded even if the chunk that declares the channels is
     /// damaged.
     pub id: u16,
     /// Name.
