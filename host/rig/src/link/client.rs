@@ -175,7 +175,7 @@ impl Link {
         LinkError::Closed { path: self.path.clone() }
     }
 
-    /// Sends a request that is answered with [`Reply::Done`].
+    /// Sends a request answered with [`Reply::Done`].
     ///
     /// # Errors
     /// As [`Link::ask`].

@@ -74,8 +74,8 @@ pub(super) const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(400),
 ];
 
-/// Time between pings, which feed the motors' deadline (500 ms by default) and relate the two clocks. It is measured by
-/// the host's clock or the board's, whichever is earlier, because an emulated board may run faster than real time.
+/// Time between pings, which feed the motors' deadline (500 ms by default) and relate the two clocks. By the host's
+/// clock or the board's, whichever is earlier, because an emulated board may run faster than real time.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
 /// Time between two signs of life to an emulated board, whose time stops without them. It is longer than the 40 ms by

@@ -1,6 +1,6 @@
 //! Serves a recording to a browser on this computer: the page, its updates, and a button that ends the recording.
 //!
-//! The address contains a secret, so that neither another user of the computer nor a web page can watch or stop an
+//! The address contains a secret, so neither another user of the computer nor a web page can watch or stop an
 //! experiment. The page requests updates several times a second. A slow browser only slows down its own page: the
 //! recorder adds a row to the [`Feed`] and continues.
 

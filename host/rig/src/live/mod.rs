@@ -3,8 +3,8 @@
 //! [`Browser`] serves biflag's own page to a browser on this computer, without another program.
 //!
 //! The messages come from a running recording ([`Live::tap`]), from a log ([`play`]), or from a board without recording
-//! ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does not affect the
-//! trial or other viewers. Web pages other than Foxglove's and this computer's are refused.
+//! ([`watch`]). Each viewer has its own queue, so a slow or dead viewer loses messages but does not affect the trial or
+//! other viewers. Web pages other than Foxglove's and this computer's are refused.
 
 mod board;
 #[cfg(feature = "viewers")]

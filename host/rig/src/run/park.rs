@@ -11,8 +11,7 @@ use std::sync::atomic::AtomicBool;
 const SPEED: CentiRpm = CentiRpm(1000);
 const _: () = assert!(SPEED.0 <= MAX_TURN_SPEED.0);
 
-/// Last part of the way, which is turned in the direction of the run, so that the backlash of the gear is on the same
-/// side.
+/// Last part of the way, which is turned in the direction of the run, so the backlash of the gear is on the same side.
 const RUN_UP_DEG: f64 = 15.0;
 
 /// Time limit of a turn: half a turn at [`SPEED`] takes 3 s, and a sticking gear takes some attempts at the end.

@@ -326,7 +326,7 @@ pub(super) fn calibrate(
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
     let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
-    // A sensor that is turned by hand may lie in any position.
+    // A sensor turned by hand may lie in any position.
     rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
     let planned = (duration_s * f64::from(TICK_HZ)) as u16;
     preflight::at_rest(&calibration, planned, rest, clock.as_ref(), recorder.link.path())?;

@@ -115,7 +115,7 @@ impl VirtualNano {
         };
         nano.port = port.to_owned();
         nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
-        // Later warnings of the program go to this program's standard error, so that the pipe does not fill up.
+        // Later warnings of the program go to this program's standard error, so the pipe does not fill up.
         if let Some(stderr) = nano.child.stderr.take() {
             std::thread::spawn(move || {
                 BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
@@ -155,7 +155,7 @@ impl VirtualNano {
     }
 
     /// Sets the errors of the hand in later movements: the standard deviation of the stops, and the amplitude of the
-    /// sway during a movement, both about each body axis.
+    /// sway on the way, both about each body axis.
     ///
     /// # Errors
     /// As [`VirtualNano::control`].
@@ -192,8 +192,8 @@ impl VirtualNano {
             .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
     }
 
-    /// Sends bytes to a board that was started with `--speed exchange`, advances it by `time_us`, and returns the bytes
-    /// that it sent.
+    /// Sends bytes to a board started with `--speed exchange`, advances it by `time_us`, and returns the bytes that it
+    /// sent.
     ///
     /// # Errors
     /// As [`VirtualNano::control`].

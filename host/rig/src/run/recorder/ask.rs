@@ -26,7 +26,7 @@ impl Recorder<'_> {
         }
     }
 
-    /// Sends a request that is answered with [`Reply::Done`].
+    /// Sends a request answered with [`Reply::Done`].
     pub(in crate::run) fn command(&mut self, command: Command) -> Result<(), RecordError> {
         match self.ask(command)? {
             Reply::Done => Ok(()),
@@ -83,7 +83,7 @@ impl Recorder<'_> {
         outcome.and(Ok(self.trial.log.tick()?))
     }
 
-    /// Waits for a frame with both motors off, so that a log that ends early shows when they stopped.
+    /// Waits for a frame with both motors off, so a log that ends early shows when they stopped.
     pub(in crate::run) fn hear_off(&mut self) -> Result<(), RecordError> {
         let begun = Instant::now();
         while self.is_driven && begun.elapsed() < OFF_TIMEOUT {

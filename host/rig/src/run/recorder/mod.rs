@@ -109,8 +109,8 @@ impl<'a> Recorder<'a> {
 
     /// Starts the telemetry and begins the trial with the first frame that has a fresh reading. The sensor takes a
     /// moment to start after new settings. A sensor that does not start causes a fault. The trial of a simulated robot
-    /// begins at a sample of its shape, so that its samples do not depend on the start of the telemetry. Returns the
-    /// board's clock at this frame, µs.
+    /// begins at a sample of its shape, so its samples do not depend on the start of the telemetry. Returns the board's
+    /// clock at this frame, µs.
     ///
     /// Earlier telemetry is discarded: another program may have left the board streaming.
     pub(super) fn begin(&mut self) -> Result<u64, RecordError> {
@@ -142,7 +142,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Discards the frames before the tick at `start_us`, so that the trial begins at that tick.
+    /// Discards the frames before the tick at `start_us`, so the trial begins at that tick.
     pub(super) fn skip_to(&mut self, start_us: u64) -> Result<(), RecordError> {
         loop {
             let frame = self.pending_or_next()?;
@@ -320,8 +320,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Records the ground truth up to the frame that ended the trial, so that the number of samples does not depend on
-    /// their times relative to the frames.
+    /// Records the ground truth up to the frame that ended the trial, so the number of samples does not depend on their
+    /// times relative to the frames.
     pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
         if let Some(end) = &self.pending {
             self.reached_us = self.reached_us.max(end.board_us.checked_sub(1));
