@@ -1,8 +1,8 @@
 //! Atomic creation and replacement of files: a reader sees the old file, the new one or none, never a partial file.
 //!
-//! A file is written as a draft beside it, `NAME.RANDOM.partial`. Programs on several computers, or in containers with
-//! equal process numbers, may write the same file at once: none of them touches the draft of another. A program that is
-//! killed leaves its draft behind. [`sweep`] removes such drafts from a folder that one program has for itself.
+//! A file is first written as a draft beside it, `NAME.RANDOM.partial`. Programs on several computers, or in containers
+//! with equal process numbers, may write the same file at once: none of them touches another's draft. A killed program
+//! leaves its draft behind. [`sweep`] removes such drafts from a folder that one program uses exclusively.
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -10,8 +10,8 @@ use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so that links in
-/// an untrusted folder cannot redirect the write.
+/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so links in an
+/// untrusted folder cannot redirect the write.
 ///
 /// # Errors
 /// The file cannot be written; an existing file is unchanged. A device is not replaced.
@@ -37,7 +37,7 @@ pub fn create(path: &Path, text: &str) -> Result<()> {
     draft.publish(path)
 }
 
-/// The draft of a file. It is removed when it is dropped.
+/// The draft of a file. Dropping it removes it.
 #[derive(Debug)]
 pub struct Draft {
     /// The open file.
@@ -53,7 +53,7 @@ impl Draft {
     pub fn create(path: &Path) -> Result<Self> {
         let draft = path.with_added_extension(format!("{}.partial", random_name()));
         let file = File::options().read(true).write(true).create_new(true).open(&draft)?;
-        // For `sweep`. Not every file system supports locks. Without them, it may not be called.
+        // Protects the draft from `sweep`, which must not be called on file systems without locks.
         let _ = file.try_lock();
         Ok(Self { file, path: draft })
     }
@@ -83,8 +83,8 @@ impl Drop for Draft {
     }
 }
 
-/// Removes the drafts in a folder that killed programs left. The caller has locked the folder's content for itself. What
-/// cannot be removed stays: a draft is not worth an error.
+/// Removes the drafts that killed programs left in a folder. The caller must have locked the folder's content. A draft
+/// that cannot be removed stays, without an error.
 pub fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
@@ -105,9 +105,9 @@ fn is_draft(path: &Path) -> bool {
     path.extension() == Some("partial".as_ref()) && random.is_some_and(|text| u64::from_str_radix(text, 16).is_ok())
 }
 
-/// Returns a name that no other program has, on this computer or another one: 16 random digits.
+/// Returns a name that no other program uses, on this computer or another: 16 random digits.
 pub fn random_name() -> String {
-    // Its keys come from the system's source of random numbers.
+    // The hasher's keys come from the system's source of random numbers.
     format!("{:016x}", RandomState::new().hash_one(()))
 }
 
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
-    /// Without locks, and with the same process number, as those of two containers.
+    /// Drafts without locks and with the same process number, as in two containers.
     #[test]
     fn drafts_of_one_file_do_not_touch_each_other() {
         let folder = tempfile::tempdir().unwrap();

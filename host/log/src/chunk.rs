@@ -1,13 +1,13 @@
-//! Unpacking a chunk whose CRC holds.
+//! Unpacks a chunk after checking its CRC.
 
 use super::record::parse;
 use mcap::records::{Channel, MessageHeader, Record, SchemaHeader};
 use std::io::Read;
 
-/// Longest record that is accepted, packed or unpacked: a damaged length must not allocate all memory.
+/// Longest accepted record, packed or unpacked: a damaged length must not allocate all memory.
 pub(super) const MAX_RECORD: u64 = 64 << 20;
 
-/// Binary logarithm of the largest window of a zstd stream, that of [`MAX_RECORD`]. Longer ones would only use memory.
+/// Binary logarithm of the largest window of a zstd stream, [`MAX_RECORD`]. A larger window would only use memory.
 const WINDOW_LOG: u32 = MAX_RECORD.ilog2();
 
 /// Length of the head of a record: operation code and length.
@@ -34,7 +34,7 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Returns a chunk of these records; `None` if one of them is invalid.
+    /// Returns a chunk of these records; `None` if any of them is invalid.
     pub fn new(records: Vec<u8>) -> Option<Self> {
         let mut rest = records.as_slice();
         while !rest.is_empty() {
@@ -86,7 +86,7 @@ struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// Splits a chunk, given from its head on, into its fields and the rest.
+    /// Splits a chunk, including its head, into its fields and the rest.
     fn split(record: &'a [u8]) -> Option<(Self, &'a [u8])> {
         // The head, and the times of the first and the last message.
         let rest = record.get(HEAD + 16..)?;
@@ -104,7 +104,7 @@ impl<'a> Fields<'a> {
         Some((fields, rest))
     }
 
-    /// Returns whether a record of `length` bytes after its head can be this chunk. MCAP allows extra bytes after the
+    /// Returns whether a record with `length` bytes after its head can be this chunk. MCAP allows extra bytes after the
     /// compressed records; here they mean that the length is damaged.
     fn fit(&self, length: u64) -> bool {
         let names: [&[u8]; 3] = [b"", b"zstd", b"lz4"];
@@ -114,7 +114,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Returns the size of the records in a chunk of `length` bytes with this beginning; `None` if it cannot be a chunk.
+/// Returns the size of the records in a chunk of `length` bytes with this beginning; `None` if this cannot be a chunk.
 pub(super) fn stated_size(beginning: &[u8], length: u64) -> Option<u64> {
     let (fields, _) = Fields::split(beginning)?;
     fields.fit(length).then_some(fields.uncompressed_size)
@@ -132,7 +132,7 @@ pub(super) fn unpack(record: &[u8], crc_may_be_missing: bool) -> Option<Chunk> {
     if holds && records.len() as u64 == fields.uncompressed_size { Chunk::new(records) } else { None }
 }
 
-/// Returns the records that can be unpacked from a chunk whose end is cut off. A part of a chunk has no CRC to check.
+/// Returns the records that can be unpacked from a truncated chunk, without a CRC check.
 pub(super) fn unpack_beginning(record: &[u8]) -> Chunk {
     let records = Fields::split(record).map(|(fields, data)| decompress(&fields, data));
     // The last record may be cut off as well.
@@ -151,8 +151,8 @@ fn decompress(fields: &Fields, data: &[u8]) -> Vec<u8> {
         _ => return Vec::new(),
     };
     let mut records = Vec::new();
-    // Memory grows with the bytes that are there, not with the size that is stated. What was unpacked before an error is
-    // of use if the chunk is cut off; otherwise the size or the CRC shows that bytes are missing.
+    // Memory grows with the actual bytes, not with the stated size. Records unpacked before an error are useful if the
+    // chunk is cut off; otherwise the size or the CRC shows that bytes are missing.
     let _ = source.take(fields.uncompressed_size.min(MAX_RECORD)).read_to_end(&mut records);
     records
 }

@@ -1,12 +1,12 @@
-//! What is wrong with a log as a whole, and which parts of it are lost.
+//! The condition of a log as a whole, and its lost parts.
 
 /// The condition of a log.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Condition {
     /// Intact to the last byte.
     Clean,
-    /// Rewritten by another program, and whole: every record up to the end can be read. Changes to a file without CRCs
-    /// do not show.
+    /// Rewritten by another program, and complete: every record up to the end can be read. Changes to a file without
+    /// CRCs are not detected.
     Rewritten,
     /// The end is missing.
     CutOff,
@@ -15,13 +15,13 @@ pub enum Condition {
 }
 
 impl Condition {
-    /// Returns whether nothing of the log is missing.
+    /// Returns whether the log is complete.
     pub fn is_whole(self) -> bool {
         matches!(self, Self::Clean | Self::Rewritten)
     }
 }
 
-/// A place in a log that cannot be read.
+/// An unreadable part of a log.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Loss {
     /// Offset of the first byte.

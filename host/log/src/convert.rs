@@ -1,4 +1,4 @@
-//! Converts the board's messages to those of the log.
+//! Converts the board's messages to the log's.
 
 use super::schema::biflag::event::Kind;
 use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
@@ -29,7 +29,7 @@ pub struct CommandRecord {
 #[derive(Clone, Copy, Debug)]
 pub struct Converter {
     settings: Settings,
-    /// The last yaw, from which the next one is unwrapped.
+    /// The last yaw, for unwrapping the next one.
     yaw_deg: f64,
 }
 
@@ -39,7 +39,7 @@ impl Converter {
         Self { settings, yaw_deg: 0.0 }
     }
 
-    /// Takes over the bias of a calibration. The board uses it only if the sensor lay still.
+    /// Adopts the bias of a calibration if the sensor lay still, as the board does.
     pub fn calibrate(&mut self, calibration: &Calibration) {
         if calibration.still {
             self.settings.gyro_bias = calibration.bias;

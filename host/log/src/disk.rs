@@ -1,4 +1,4 @@
-//! A file that is written and synced in the background, so that a slow disk does not delay the trial.
+//! A file written and synced in the background, so a slow disk does not delay the trial.
 
 use super::LogError;
 use super::atomic_file::sync_folder_of;
@@ -19,16 +19,16 @@ pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
     Ok(file)
 }
 
-/// The most bytes that wait to be written, minutes of a recording. Then its writer waits for the disk.
+/// Largest number of bytes that wait to be written, minutes of a recording. Beyond it, the writer waits for the disk.
 const MAX_WAITING: usize = 8 << 20;
 
-/// A file that a thread of its own writes. Each `flush` asks for a sync of the bytes before it.
+/// A file written by its own thread. Each `flush` requests a sync of the bytes before it.
 ///
-/// After the first error nothing more is written, so that the file stays an unbroken beginning of the log. The error is
-/// that of a later write, or of [`Status::take_error`].
+/// After the first error nothing more is written, so that the file stays an unbroken beginning of the log. A later
+/// write, or [`Status::take_error`], returns the error.
 #[derive(Debug)]
 pub(super) struct Disk {
-    /// Bytes to be in the file, and their CRC.
+    /// Number of bytes passed to the file, and their CRC.
     length: u64,
     crc: crc32fast::Hasher,
     jobs: Option<Sender<Job>>,
@@ -45,7 +45,7 @@ enum Job {
 /// The shared status of a [`Disk`].
 #[derive(Debug, Default)]
 pub(super) struct Status {
-    /// Bytes that wait to be written.
+    /// Number of bytes that wait to be written.
     waiting: AtomicUsize,
     failed: AtomicBool,
     written: AtomicU64,
@@ -54,17 +54,17 @@ pub(super) struct Status {
 }
 
 impl Status {
-    /// Bytes in the file.
+    /// Returns the number of bytes in the file.
     pub fn written(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }
 
-    /// The longest time that the disk has taken for a write or a sync.
+    /// Returns the longest time that the disk has taken for a write or a sync.
     pub fn slowest(&self) -> Duration {
         Duration::from_millis(self.slowest_ms.load(Ordering::Relaxed))
     }
 
-    /// Waits until at most so many bytes wait to be written, or a write has failed.
+    /// Waits until at most `waiting` bytes wait to be written, or a write has failed.
     pub fn wait_for(&self, waiting: usize) {
         while self.waiting.load(Ordering::Acquire) > waiting && !self.failed.load(Ordering::Acquire) {
             std::thread::sleep(Duration::from_millis(1));
@@ -105,7 +105,7 @@ impl Disk {
         Arc::clone(&self.status)
     }
 
-    /// Waits until everything is written and synced. Returns what the file must hold.
+    /// Waits until everything is written and synced. Returns the expected content of the file.
     pub fn finish(mut self) -> io::Result<Content> {
         self.stop();
         match self.status.take_error() {
@@ -122,7 +122,7 @@ impl Disk {
         }
     }
 
-    /// The thread ends early only after an error.
+    /// Sends a job. The thread ends early only after an error.
     fn send(&self, job: Job) -> io::Result<()> {
         let sent = self.jobs.as_ref().map(|jobs| jobs.send(job));
         match sent {
@@ -132,8 +132,8 @@ impl Disk {
     }
 }
 
-/// Writes and syncs until there are no more jobs, or to the first error. A sync, which can take long, does not delay the
-/// writes after it: what is written survives the end of this program.
+/// Writes and syncs until there are no more jobs, or until the first error. A sync can take long and does not delay
+/// later writes: written bytes survive the end of this program.
 fn work(file: &File, jobs: &Receiver<Job>, status: &Status) -> io::Result<()> {
     // One request may wait while another is served; it covers everything written until then.
     let (syncs, requests) = sync_channel(1);
@@ -174,7 +174,7 @@ fn write(mut file: &File, mut bytes: &[u8], status: &Status) -> io::Result<()> {
     Ok(())
 }
 
-/// Length and CRC of everything that was written to a file.
+/// Length and CRC of everything written to a file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Content {
     length: u64,
@@ -182,8 +182,8 @@ pub(super) struct Content {
 }
 
 impl Content {
-    /// Returns how the file at `path` differs from what was written; `None` if it does not. Other programs may remove,
-    /// truncate or overwrite a file while it is written, which its writer does not notice.
+    /// Returns how the file at `path` differs from the written content; `None` if it does not. Other programs may
+    /// remove, truncate or overwrite a file while it is written, and its writer does not notice.
     pub fn difference(self, path: &Path) -> io::Result<Option<&'static str>> {
         let mut file = match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Some("removed or renamed")),

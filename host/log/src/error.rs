@@ -119,8 +119,8 @@ pub enum LogError {
 }
 
 impl LogError {
-    /// Returns whether the file could not be read, which says nothing about its content: the same file may be an intact
-    /// log once its permissions or its disk are in order.
+    /// Returns whether the file could not be read. This says nothing about its content: it may be an intact log once
+    /// its permissions or its disk are in order.
     pub fn is_of_reading(&self) -> bool {
         matches!(self, Self::Read { .. } | Self::Missing { .. })
     }

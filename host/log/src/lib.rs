@@ -41,15 +41,15 @@
 //! | `/flagella` | `foxglove.SceneUpdate` | base and flagella for viewers; without a model, undeformed flagella at the measured angles |
 //! | `/flagella_points` | `foxglove.PointCloud` | the centre lines as points, for viewers that cannot draw lines |
 //!
-//! The log holds measured or computed values; estimates (zero, drift, uncertainty) are made when it is read. Logs of
-//! format 1 can still be read: see [`FORMAT`].
+//! The log holds measured or computed values; estimates (zero, drift, uncertainty) are computed when it is read. Logs
+//! of format 1 can still be read: see [`FORMAT`].
 //!
 //! The `publish_time` of a message is the host's clock when it was received. Its `log_time` is the trial's clock: the
-//! board's time, counted from the host's clock at the first telemetry frame. A message without a time of the board
-//! takes that of the frame before it, so that a trial recorded faster than real time still has its full length.
+//! board's time, counted from the host's clock at the first telemetry frame. A message without the board's time takes
+//! the time of the previous frame, so a trial recorded faster than real time still has its full length.
 //!
-//! A modelled trial begins at the epoch, and both times are the trial's. So its log depends on plan, robot and program
-//! alone, byte for byte: not on the date, the computer, or the number of trials that run in parallel.
+//! A modelled trial begins at the epoch, and both times are the trial's. So its log depends only on plan, robot and
+//! program, byte for byte: not on the date, the computer, or the number of trials that run in parallel.
 
 pub mod atomic_file;
 mod chunk;
@@ -98,8 +98,8 @@ pub const PROFILE: &str = "biflag";
 /// Longest trial, s (one week). A log with later times is damaged.
 pub const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;
 
-/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so that a time that was rounded to
-/// nanoseconds is the same again; a product with 1e-9 may lie after the end of the trial.
+/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so a time rounded to nanoseconds is
+/// restored exactly. A product with 1e-9 could lie after the end of the trial.
 fn seconds(time_ns: u64) -> f64 {
     time_ns as f64 / 1e9
 }

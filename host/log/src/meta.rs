@@ -45,7 +45,7 @@ pub struct Identity {
     pub host_version: String,
     /// Commit that `biflag` was built from.
     pub host_git_hash: String,
-    /// When the log was started; empty for a modelled trial, whose log does not depend on the date.
+    /// Time at which the log was started; empty for a modelled trial, whose log does not depend on the date.
     pub created: String,
     /// Where the trial was run.
     pub origin: Origin,
@@ -99,7 +99,7 @@ pub struct TrialMeta {
     pub phase_deg: Option<[f64; 2]>,
 }
 
-/// The attitude that a steered trial is to reach and hold. Its speeds follow from what is observed; those of its
+/// The attitude that a steered trial is to reach and hold. Its speeds follow from observations; the speeds in its
 /// [`TrialMeta`] are the feed-forward.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
@@ -108,7 +108,7 @@ pub struct SteerMeta {
     pub yaw_deg: f64,
     /// Wanted pitch.
     pub pitch_deg: f64,
-    /// Observations and set-points a second.
+    /// Observations and set-points per second.
     pub rate_hz: f64,
     /// The command of the policy; empty for the built-in controller.
     pub policy: String,
@@ -124,7 +124,7 @@ pub struct RobotMeta {
     pub text: String,
 }
 
-/// What was measured of the sensor before the trial.
+/// The sensor's errors, measured before the trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
 #[serde(default)]
 pub struct MeasuredSensorMeta {
@@ -164,7 +164,7 @@ pub struct BoardMeta {
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct FaultMeta {
-    /// [`BoardMeta::boot_count`] of the start after which it occurred.
+    /// [`BoardMeta::boot_count`] of the board's start before the fault.
     pub boot: u16,
     /// Time since that start, s. The board's clock wraps after 71.6 minutes.
     pub time_s: f64,
@@ -192,19 +192,19 @@ pub struct CalibrationMeta {
     pub samples: u16,
 }
 
-/// How the robot came to rest before the trial.
+/// The wait for a still robot before the trial.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct RestMeta {
     /// Whether it was still at the end of the wait.
     pub still: bool,
-    /// How long the recorder waited.
+    /// Time that the recorder waited.
     pub waited_s: f64,
-    /// How long it would have waited at most.
+    /// Longest time that it would have waited.
     pub at_most_s: f64,
-    /// Upper bound on the rate of the yaw at the end of the wait; `None` if the wait was too short to tell.
+    /// Upper bound on the rate of the yaw at the end of the wait; `None` if the wait was too short for a bound.
     pub yaw_dps: Option<f64>,
-    /// The same of the tilt.
+    /// The same for the tilt.
     pub tilt_dps: Option<f64>,
 }
 
@@ -296,29 +296,29 @@ pub struct ImportMeta {
     pub source: String,
     /// SHA-256 of that file, in hexadecimal.
     pub source_sha256: String,
-    /// Which column gave which quantity, in words.
+    /// The mapping of columns to quantities, as text.
     pub columns: String,
-    /// Time at which the log begins, s: in the table, or in the recording whose clock it has.
+    /// Time at which the log begins, s: by the table's clock, or the recording's that it was aligned with.
     pub start_s: f64,
-    /// Rows that were left out because a value was missing.
+    /// Rows left out because of a missing value.
     pub left_out: u64,
-    /// Quantities that were not measured: a constant was given for them.
+    /// Quantities that were not measured, but given as constants.
     pub constant: Vec<String>,
     /// 95 % uncertainty of the instrument's yaw, degrees.
     pub yaw_uncertainty_deg: Option<f64>,
-    /// The same of its pitch and roll.
+    /// The same for its pitch and roll.
     pub tilt_uncertainty_deg: Option<f64>,
     /// Temperature of the fluid, °C.
     pub temperature_c: Option<f64>,
-    /// File name of the recording of the same trial whose clock and motors the log has; empty without one.
+    /// File name of the recording of the same trial that provided clock and motors; empty without one.
     pub trial: String,
     /// SHA-256 of that file, in hexadecimal.
     pub trial_sha256: String,
-    /// Time of that recording at the zero of the table, s.
+    /// Time of that recording at the table's time zero, s.
     pub clock_offset_s: Option<f64>,
-    /// How much faster the time of that recording passes than the table's, 10⁻⁶.
+    /// Relative rate by which that recording's time passes faster than the table's, 10⁻⁶.
     pub clock_rate_ppm: Option<f64>,
-    /// Difference between the yaw of the table and the recorded one without clock, zero and drift, degrees RMS.
+    /// Difference between the table's and the recorded yaw after removing clock, zero and drift, degrees RMS.
     pub clock_rms_deg: Option<f64>,
 }
 

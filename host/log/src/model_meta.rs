@@ -18,8 +18,8 @@ use std::borrow::Cow;
 pub struct ModelMeta {
     /// The closure: how the flagella act on the base.
     pub closure: Closure,
-    /// Method. With [`Method::Steady`] the log has one period of the motion that repeats or, where none was found, the last
-    /// window that was simulated.
+    /// Method. With [`Method::Steady`] the log contains one period of the repeating motion or, if none was found, the
+    /// last simulated window.
     pub method: Method,
     /// Samples per second.
     pub rate_hz: f64,
@@ -37,8 +37,9 @@ impl ModelMeta {
 
     /// Returns the parameters in use with the meaning of this version.
     ///
-    /// Versions without a `[head]` table had a drag in its place and a step of its own for contact, and `fluid.spin_drag`
-    /// acted on changes of the spin only, by default with a share of [`LEAST_SPIN_DRAG`], which every robot has now.
+    /// Versions without a `[head]` table had a drag in its place and a separate step for contact. Their
+    /// `fluid.spin_drag` only acted on changes of the spin, by default with a share of [`LEAST_SPIN_DRAG`], which every
+    /// robot has now.
     pub fn current_parameters(&self) -> Cow<'_, str> {
         let Ok(mut table) = self.parameters.parse::<toml::Table>() else { return Cow::Borrowed(&self.parameters) };
         if self.parameters.is_empty() || table.contains_key("head") {
@@ -61,26 +62,27 @@ impl ModelMeta {
 
 /// Errors of the emulated board's sensor and clock.
 ///
-/// Of the body's rate and specific force in the sensor's axes it reads, with j ≠ i in the sums over `cross`,
+/// With rate and force the body's rate and specific force in the sensor's axes, and j ≠ i in the sums over `cross`, the
+/// readings are
 ///
 /// ```text
 /// rate_read[i]  = (1 + gyro_scale[i]) rate[i]   + Σ gyro_cross[i][j] rate[j]   + Σ gyro_g_dps[i][j] force[j] + bias + noise
 /// force_read[i] = (1 + accel_scale[i]) force[i] + Σ accel_cross[i][j] force[j]                               + bias + noise
 /// ```
 ///
-/// Logs of older versions had scales, axes and clocks without error, and do not say the noise.
+/// Logs of older versions had scales, axes and clocks without error, and do not state the noise.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SensorMeta {
     /// Seed of the random errors.
     pub seed: u64,
-    /// Where the errors are from: `ideal`, `typical` or `file`; empty in older logs, which are `ideal`.
+    /// Source of the errors: `ideal`, `typical` or `file`; empty in older logs, which are `ideal`.
     pub kind: String,
-    /// Relative scale error of the gyroscope about each axis; positive if it reads too much.
+    /// Relative scale error of the gyroscope about each axis; positive if the reading is too large.
     pub gyro_scale: [f64; 3],
-    /// `[i][j]`: share of the rate about axis j that axis i reads.
+    /// `[i][j]`: share of the rate about axis j in the reading of axis i.
     pub gyro_cross: [[f64; 3]; 3],
-    /// `[i][j]`: rate that axis i reads per standard gravity along axis j, °/s/g.
+    /// `[i][j]`: change of the rate read about axis i per standard gravity along axis j, °/s/g.
     pub gyro_g_dps: [[f64; 3]; 3],
     /// Bias of the gyroscope at 25 °C.
     pub gyro_bias_dps: [f64; 3],
@@ -94,7 +96,7 @@ pub struct SensorMeta {
     pub gyro_flicker_dps: [f64; 3],
     /// Relative scale error of the accelerometer along each axis.
     pub accel_scale: [f64; 3],
-    /// `[i][j]`: share of the force along axis j that axis i reads.
+    /// `[i][j]`: share of the force along axis j in the reading of axis i.
     pub accel_cross: [[f64; 3]; 3],
     /// Bias of the accelerometer at 25 °C.
     pub accel_bias_g: [f64; 3],
@@ -102,9 +104,9 @@ pub struct SensorMeta {
     pub accel_drift_g_per_c: [f64; 3],
     /// One-sided density of the accelerometer's white noise, g/√Hz.
     pub accel_noise_g_per_rt_hz: f64,
-    /// Rotation vector that turns the body axes into those of the sensor.
+    /// Rotation vector that turns the body axes into the sensor's.
     pub mounting_deg: [f64; 3],
-    /// Final temperature of the sensor above that of the base.
+    /// Final temperature of the sensor above the base's.
     pub warming_c: f64,
     /// Time constant with which the thermometer follows the sensor's temperature.
     pub thermometer_lag_s: f64,
@@ -131,7 +133,7 @@ pub struct SteadyMeta {
     pub pitch_se_deg: Option<f64>,
     /// The same for the mean roll.
     pub roll_se_deg: Option<f64>,
-    /// Length of the end of the run from which the means are taken.
+    /// Length of the averaging window at the end of the run.
     pub window_s: f64,
     /// Whether the means are known, and reached, within the limits of [`sim::trial::means`].
     pub settled: bool,
@@ -141,9 +143,9 @@ pub struct SteadyMeta {
     pub force1_n: [f64; 3],
     /// The same for flagellum 2.
     pub force2_n: [f64; 3],
-    /// Standard errors of `force1_n`; as `yaw_se_deg`.
+    /// Standard errors of `force1_n`, like `yaw_se_deg`.
     pub force1_se_n: Option<[f64; 3]>,
-    /// The same of `force2_n`.
+    /// The same for `force2_n`.
     pub force2_se_n: Option<[f64; 3]>,
     /// Mean reaction torques on the base about the shafts.
     pub axial_torque_nm: [f64; 2],
@@ -161,9 +163,9 @@ pub struct SteadyMeta {
     pub contact_share: f64,
     /// Number of sweeps of the solver for the log.
     pub newton_iterations: u64,
-    /// Simulated time, that of the search included.
+    /// Simulated time, including the search.
     pub simulated_s: f64,
-    /// What the motion is, with [`Method::Steady`].
+    /// The kind of motion, with [`Method::Steady`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
 }

@@ -28,7 +28,7 @@ pub struct Message {
     pub body: Body,
 }
 
-/// The trial's clock, whose zero is found from the first telemetry frame.
+/// The trial's clock. The first telemetry frame determines its zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrialClock {
     /// `log_time` at which the trial's clock was zero.
@@ -36,7 +36,7 @@ pub struct TrialClock {
 }
 
 impl TrialClock {
-    /// Observes a message; to be called with each one, in order.
+    /// Observes a message. Must be called with each message, in order.
     pub fn see(&mut self, message: &Message) {
         let time_s = match &message.body {
             Body::Telemetry(telemetry) => telemetry.time_s,
@@ -48,7 +48,7 @@ impl TrialClock {
         self.zero_ns.get_or_insert(message.log_time_ns.saturating_sub(since_ns));
     }
 
-    /// Returns the time of a message, s; 0 before the first one that holds its time.
+    /// Returns the time of a message, s; 0 before the first message that contains its time.
     pub fn time_s(&self, message: &Message) -> f64 {
         seconds(message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)))
     }
@@ -93,8 +93,8 @@ pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
     last_meta(path)
 }
 
-/// Returns the last metadata record of a type, in most logs by the index at the end; `None` if the log is incomplete or
-/// has no such record.
+/// Returns the last metadata record of a type; `None` if the log is incomplete or has no such record. In most logs this
+/// only reads the index at the end.
 ///
 /// # Errors
 /// [`LogError::Read`], [`LogError::Missing`].
@@ -103,7 +103,7 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
     Ok(table.as_ref().and_then(table::from_table))
 }
 
-/// Reads a complete log to check its condition; returns the places that cannot be read.
+/// Reads a whole log to check its condition; returns the unreadable parts.
 ///
 /// # Errors
 /// [`LogError`] if it is not a biflag log or cannot be read.
@@ -125,7 +125,7 @@ pub struct Reader {
     tables: BTreeMap<String, Table>,
     /// The rest of the current chunk.
     chunk: Chunk,
-    /// The first message, if it came before the identity of the program.
+    /// The first message, if it precedes the identity of the program.
     first: Option<Message>,
     counts: BTreeMap<String, u64>,
     /// The channels to read; `None` for all.
@@ -136,7 +136,7 @@ impl Reader {
     /// Opens a log, even if it is damaged.
     ///
     /// # Errors
-    /// [`LogError`] if it is not a biflag log, or is of a newer format.
+    /// [`LogError`] if it is not a biflag log, or has a newer format.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let mut reader = Self::over(path)?;
         // The channels and the identity of the program come first.
@@ -162,7 +162,7 @@ impl Reader {
             Some(identity) if identity.format > FORMAT => {
                 Err(LogError::Version { path: path.to_owned(), found: identity.format, program: identity.host_version })
             }
-            // The header or the channels are those of a biflag log, so the record is damaged.
+            // The header or the channels show that this is a biflag log, so the record is damaged.
             _ => Ok(reader),
         }
     }
@@ -202,7 +202,7 @@ impl Reader {
         Ok(self.meta())
     }
 
-    /// Returns a metadata record, if it has been read so far. The summary is the last.
+    /// Returns a metadata record, if it has been read so far. The summary is the last record.
     pub fn meta<M: Meta>(&self) -> Option<M> {
         self.tables.get(M::NAME).and_then(table::from_table)
     }
@@ -232,12 +232,12 @@ impl Reader {
         self.scanner.source_mut().sha256().map_err(|source| LogError::reading(&self.path, source))
     }
 
-    /// Returns the condition of the log, which is known after the last message.
+    /// Returns the condition of the log; `None` before the last message.
     pub fn condition(&self) -> Option<Condition> {
         self.scanner.condition()
     }
 
-    /// Returns the places that could not be read so far. The list is complete after the last message.
+    /// Returns the unreadable parts so far. The list is complete after the last message.
     pub fn losses(&self) -> &[Loss] {
         self.scanner.losses()
     }
@@ -264,7 +264,7 @@ impl Reader {
         Ok(Step::Other)
     }
 
-    /// Takes an entry of a chunk; returns the message, if it is one that was asked for.
+    /// Takes an entry of a chunk; returns the message, if the entry is a requested message.
     fn take(&mut self, entry: Entry) -> Option<Message> {
         match entry {
             Entry::Schema(header, _) => {
@@ -347,7 +347,7 @@ impl Body {
         }
     }
 
-    /// Decodes a message. Returns its bytes if they are none of its channel's type.
+    /// Decodes a message. Returns its bytes as an error if they do not fit its channel's type.
     fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Result<Self, Vec<u8>> {
         fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
             M::decode(data).ok().map(body)
@@ -371,7 +371,7 @@ impl Body {
     }
 }
 
-/// Opens a file. A folder, a pipe or a device is none.
+/// Opens a file. Refuses folders, pipes and devices.
 pub(super) fn open(path: &Path) -> Result<File, LogError> {
     let failed = |source| LogError::reading(path, source);
     // Opening a pipe would wait for its writer.
@@ -381,7 +381,7 @@ pub(super) fn open(path: &Path) -> Result<File, LogError> {
     File::open(path).map_err(failed)
 }
 
-/// A file of another program may be large. One that has nothing of biflag in its beginning is none of ours.
+/// Bytes to search for records of biflag. Files of other programs may be large, so only their beginning is searched.
 const BEGINNING: u64 = 256 << 20;
 
 /// Checks that a file is a biflag log, even if damaged, by its header or by the first records that can be read.

@@ -1,4 +1,4 @@
-//! Records of an MCAP file as bytes: whether they can be what they state, and what is in them.
+//! Records of an MCAP file as bytes: checks their plausibility and parses them.
 
 use super::PROFILE;
 use super::meta::{self, Summary};
@@ -28,8 +28,8 @@ pub(super) fn is_original(header: &Header) -> bool {
     header.library.split(' ').next() == Some(PROFILE)
 }
 
-/// Parses the body of a record; `None` if it is invalid. The lengths of its texts and its table are compared with the
-/// bytes that are there, because the parser asks for as much memory as a length states.
+/// Parses the body of a record; `None` if it is invalid. Compares the lengths of its texts and its table with the
+/// actual bytes, because the parser allocates as much memory as a length states.
 pub(super) fn parse(op: u8, body: &[u8]) -> Option<Record<'_>> {
     // Bytes before the texts, number of texts, and whether a table follows.
     let (before, texts, has_table) = match op {
@@ -63,7 +63,7 @@ fn split_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-/// Parses a metadata record: one of biflag with its CRC, or one of another program.
+/// Parses a metadata record, of biflag with its CRC, or of another program.
 pub(super) fn metadata(body: &[u8]) -> Option<(String, Table)> {
     // The parser allows extra bytes after the table; here they mean that the record's length is damaged.
     match parse(op::METADATA, body) {
@@ -78,13 +78,12 @@ pub(super) fn metadata(body: &[u8]) -> Option<(String, Table)> {
     }
 }
 
-/// Returns whether a metadata record can have been written by biflag. Sums over the counters of a possible summary do
-/// not overflow.
+/// Returns whether biflag can have written a metadata record. Sums over the counters of such summaries do not overflow.
 fn is_possible(name: &str, table: &Table) -> bool {
     name != Summary::NAME || from_table(table).is_none_or(|summary: Summary| summary.link.is_possible())
 }
 
-/// Returns whether a metadata record of `length` bytes can have this beginning.
+/// Returns whether this can be the beginning of a metadata record of `length` bytes.
 pub(super) fn is_metadata(beginning: &[u8], length: u64) -> bool {
     let body = beginning.get(HEAD as usize..).unwrap_or_default();
     let Some((name, rest)) = body.split_first_chunk() else { return false };
@@ -94,7 +93,7 @@ pub(super) fn is_metadata(beginning: &[u8], length: u64) -> bool {
     table.is_some_and(|table| 8 + name_length + u64::from(u32::from_le_bytes(*table)) == length)
 }
 
-/// Returns whether an attachment of `length` bytes can have this beginning.
+/// Returns whether this can be the beginning of an attachment of `length` bytes.
 pub(super) fn is_attachment(beginning: &[u8], length: u64) -> bool {
     let data_length = || {
         // The times of its logging and its creation.
@@ -131,13 +130,14 @@ pub(super) fn is_message_index(body: &[u8]) -> bool {
 /// The index at the end of a log.
 #[derive(Clone, Copy, Default)]
 pub(super) struct IndexState {
-    /// The CRC holds and the index is complete.
+    /// Whether the CRC holds and the index is complete.
     pub(super) intact: bool,
-    /// The file ends with the magic, as a complete log does.
+    /// Whether the file ends with the magic, like a complete log.
     pub(super) complete: bool,
 }
 
-/// Checks the index of a file that biflag wrote, or of another one, which extends from the end of the data at `start` to the end of the file.
+/// Checks the index, from the end of the data at `start` to the end of the file. `is_original`: whether biflag wrote
+/// the file.
 pub(super) fn check_index(index: &[u8], start: u64, is_original: bool) -> IndexState {
     let end = FOOTER as usize + MAGIC.len();
     let Some(summary_length) = index.len().checked_sub(end) else { return IndexState::default() };
@@ -150,7 +150,7 @@ pub(super) fn check_index(index: &[u8], start: u64, is_original: bool) -> IndexS
     crc.update(summary);
     crc.update(&footer[..FOOTER as usize - 4]);
     let saved = u32::from_le_bytes([*a, *b, *c, *d]);
-    // In files of other programs the CRC and the index may be missing.
+    // Files of other programs may lack the CRC and the index.
     let is_there = starts.starts_with(&start.to_le_bytes()) || !is_original && starts.starts_with(&[0; 8]);
     let holds = *head == op::FOOTER && is_there && (saved == crc.finalize() || !is_original && saved == 0);
     IndexState { intact: holds && complete, complete }

@@ -24,7 +24,7 @@ use std::path::Path;
 pub struct Recovery {
     /// Condition of the damaged log.
     pub condition: Condition,
-    /// Places that could not be read.
+    /// The unreadable parts.
     pub losses: Vec<Loss>,
     /// Number of messages that were kept.
     pub messages: u64,
@@ -32,8 +32,8 @@ pub struct Recovery {
     pub strays: u64,
 }
 
-/// Writes the part of the log at `from` that can be read to a new log at `to`, which must not exist. Nobody sees an
-/// unfinished log at `to`.
+/// Writes the readable part of the log at `from` to a new log at `to`, which must not exist. No unfinished log appears
+/// at `to`.
 ///
 /// # Errors
 /// [`LogError`] if `from` is not a biflag log or `to` cannot be written.
@@ -96,7 +96,7 @@ impl<W: Write + Seek> Copy<W> {
     fn new(target: W) -> mcap::McapResult<Self> {
         let mut writer = options().create(target)?;
         let mut channels = BTreeMap::new();
-        // Channels of biflag have fixed numbers, so they are known even if the chunk that declares them is lost.
+        // The channels of biflag have fixed numbers, so they are known even if the chunk that declares them is lost.
         for channel in schema::CHANNELS {
             add_channel(&mut writer, channel)?;
             channels.insert(channel.id, channel.id);

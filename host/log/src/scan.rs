@@ -1,11 +1,11 @@
 //! Scans a log from beginning to end, even if it is damaged.
 //!
 //! Chunks and metadata records are accepted only if their CRC holds. When a record cannot be read, the scanner searches
-//! for the next one that can, starting at the end of the last record that is known to be valid, because the length of a
-//! record in between may be wrong.
+//! for the next readable one. The search starts at the end of the last record known to be valid, because the length of
+//! a record in between may be wrong.
 //!
-//! Other programs may rewrite a log as another valid MCAP file: without CRCs, without chunks or an index, with records of
-//! their own. The library in the header tells such a file from an original, in which any of this is damage.
+//! Other programs may rewrite a log as another valid MCAP file: without CRCs, without chunks or an index, with their
+//! own records. The library in the header distinguishes such a file from an original, in which any of this is damage.
 
 use super::chunk::{Chunk, MAX_RECORD, stated_size, unpack, unpack_beginning};
 use super::condition::{Condition, Loss};
@@ -20,11 +20,11 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 /// Number of bytes read at once in the search for a record.
 const BLOCK: u64 = 64 << 10;
-/// Number of bytes of a record that show whether it can be a chunk or metadata.
+/// Number of bytes needed to decide whether a record can be a chunk or metadata.
 const BEGINNING: u64 = 256;
 
 /// Returns the last metadata record called `name`; `None` if the log is incomplete, or has no such record. In most logs
-/// this reads only a few kilobytes, by the index at the end.
+/// this reads only a few kilobytes, thanks to the index at the end.
 pub(super) fn last_table<R: Read + Seek>(source: R, name: &str) -> io::Result<Option<Table>> {
     let mut scanner = Scanner::new(source)?;
     let Some(index) = scanner.metadata_index()? else {
@@ -43,7 +43,7 @@ pub(super) fn last_table<R: Read + Seek>(source: R, name: &str) -> io::Result<Op
 pub(super) enum Piece {
     Chunk(Chunk),
     Metadata(String, Table),
-    /// The offset and the length of the record, which may be longer than others.
+    /// The offset and the length of the record. It may be longer than other records.
     Attachment(u64, u64),
 }
 
@@ -54,16 +54,16 @@ pub(super) struct Scanner<R> {
     length: u64,
     /// Offset of the next record.
     offset: u64,
-    /// End of the last record that is known to be valid, where a search for the next one begins.
+    /// End of the last record known to be valid. A search for the next record starts here.
     resync_from: u64,
     /// CRC of everything before `offset`, as long as nothing was skipped.
     crc: crc32fast::Hasher,
     losses: Vec<Loss>,
     end: Option<Condition>,
     header: Option<Header>,
-    /// Whether biflag wrote the file, as far as its header tells.
+    /// Whether biflag wrote the file, according to its header.
     is_original: bool,
-    /// Bytes that the searches may still read and unpack in vain.
+    /// Number of bytes that searches may still read and unpack in vain.
     patience: u64,
 }
 
@@ -82,7 +82,7 @@ impl<R: Read + Seek> Scanner<R> {
             end: None,
             header: None,
             is_original: true,
-            // Without a limit, a file full of false beginnings of long records would take time with its square.
+            // Without a limit, a file full of false beginnings of long records would take quadratic time.
             patience: length.saturating_mul(4).saturating_add(4 * MAX_RECORD),
         };
         let magic = scanner.bytes(0, offset.min(length))?;
@@ -101,12 +101,12 @@ impl<R: Read + Seek> Scanner<R> {
         &mut self.source
     }
 
-    /// Returns the places that could not be read so far. The list is complete after the last piece.
+    /// Returns the unreadable parts so far. The list is complete after the last piece.
     pub fn losses(&self) -> &[Loss] {
         &self.losses
     }
 
-    /// Returns the condition of the log, which is known after the last piece.
+    /// Returns the condition of the log; `None` before the last piece.
     pub fn condition(&self) -> Option<Condition> {
         self.end
     }
@@ -116,7 +116,7 @@ impl<R: Read + Seek> Scanner<R> {
         self.header.as_ref()
     }
 
-    /// Returns whether biflag wrote the file, as far as its header tells.
+    /// Returns whether biflag wrote the file, according to its header.
     pub fn is_original(&self) -> bool {
         self.is_original
     }
@@ -126,7 +126,7 @@ impl<R: Read + Seek> Scanner<R> {
         self.offset
     }
 
-    /// Returns the next piece that can be read; `None` after the last.
+    /// Returns the next readable piece; `None` after the last.
     pub fn next(&mut self) -> io::Result<Option<Piece>> {
         while self.end.is_none() {
             let at = self.offset;
@@ -226,7 +226,7 @@ impl<R: Read + Seek> Scanner<R> {
         Ok(())
     }
 
-    /// Returns name and offset of the metadata records, by the index at the end of the file; `None` without an intact
+    /// Returns name and offset of the metadata records from the index at the end of the file; `None` without an intact
     /// index.
     fn metadata_index(&mut self) -> io::Result<Option<Vec<(String, u64)>>> {
         let end = FOOTER + MAGIC.len() as u64;
@@ -258,7 +258,7 @@ impl<R: Read + Seek> Scanner<R> {
         Ok((self.is_original || !found.is_empty()).then_some(found))
     }
 
-    /// Returns the last metadata record called `name`, from a full read; `None` if the log is not whole.
+    /// Returns the last metadata record called `name`, from a full read; `None` if the log is incomplete.
     fn scan_for(&mut self, name: &str) -> io::Result<Option<Table>> {
         let mut last = None;
         while let Some(piece) = self.next()? {
@@ -275,12 +275,12 @@ impl<R: Read + Seek> Scanner<R> {
         self.offset += record.bytes.len() as u64;
     }
 
-    /// Notes a place that cannot be read.
+    /// Records an unreadable part.
     pub fn lose(&mut self, offset: u64, bytes: u64, what: &'static str) {
         self.losses.push(Loss { offset, bytes, what });
     }
 
-    /// Moves to the next readable record and notes the loss. Returns `false` if there is none.
+    /// Moves to the next readable record and records the loss. Returns `false` if there is none.
     fn resync(&mut self, what: &'static str) -> io::Result<bool> {
         let Some(found) = self.find(self.resync_from)? else { return Ok(false) };
         // The records before `offset`, such as the indexes of a chunk, were read correctly.
@@ -348,7 +348,7 @@ impl<R: Read + Seek> Scanner<R> {
                     }
                     continue;
                 }
-                // The first bytes of a record show most false ones.
+                // The first bytes of a record exclude most false matches.
                 let beginning = self.bytes(at, BEGINNING.min(self.length - at))?;
                 let size = match op {
                     op::CHUNK => stated_size(&beginning, length),
@@ -387,7 +387,7 @@ impl<R: Read + Seek> Scanner<R> {
         Ok(head.filter(|(_, length)| *length <= self.length - at - HEAD))
     }
 
-    /// Returns operation code and length of a head, if it can be that of a record.
+    /// Returns operation code and length of a head, if it can belong to a record.
     fn plausible(&self, head: &[u8; HEAD as usize]) -> Option<(u8, u64)> {
         let [op, length @ ..] = *head;
         let length = u64::from_le_bytes(length);

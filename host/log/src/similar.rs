@@ -1,11 +1,11 @@
-//! The file that a mistyped path may mean.
+//! Suggests a file for a mistyped path.
 
 use std::path::{Path, PathBuf};
 
-/// Least similarity of two names, 0 to 1: at 0.8, one wrong letter in five.
+/// Smallest similarity of two names, 0 to 1: 0.8 is one wrong letter in five.
 const LEAST: f64 = 0.8;
 
-/// Returns the file or folder that is there and has the most similar name to a path where there is none.
+/// Returns the existing file or folder with the name most similar to a path that does not exist.
 pub fn similar(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -14,7 +14,7 @@ pub fn similar(path: &Path) -> Option<PathBuf> {
     Some(path.with_file_name(found))
 }
 
-/// Returns the name that is most similar to a mistyped one, if any is similar.
+/// Returns the name most similar to a mistyped one, if any is similar.
 pub fn most_alike<T: AsRef<str> + Ord>(typed: &str, names: impl IntoIterator<Item = T>) -> Option<T> {
     let likeness = |name: T| {
         let likeness = strsim::normalized_damerau_levenshtein(typed, name.as_ref());
@@ -24,7 +24,7 @@ pub fn most_alike<T: AsRef<str> + Ord>(typed: &str, names: impl IntoIterator<Ite
     likely.max_by(|(a, one), (b, other)| a.total_cmp(b).then_with(|| other.cmp(one))).map(|(_, name)| name)
 }
 
-/// Returns a question about that file, for a help text, or `otherwise`.
+/// Returns a help text that suggests a similar file, or else `otherwise`.
 pub fn did_you_mean(path: &Path, otherwise: &str) -> String {
     similar(path).map_or_else(|| otherwise.to_owned(), |found| format!("did you mean {}?", found.display()))
 }

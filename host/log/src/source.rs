@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Result, Seek, SeekFrom};
 
-/// A file that is read mostly from its beginning to its end.
+/// A file that is mostly read from beginning to end.
 #[derive(Debug)]
 pub(super) struct Source {
     file: File,
@@ -25,7 +25,8 @@ impl Source {
         Self { file, at: 0, digest: None }
     }
 
-    /// Hashes bytes as they are read from now on. Bytes before this position are read again at the end.
+    /// Hashes bytes as they are read from now on. Bytes before this position are read again by
+    /// [`sha256`](Self::sha256).
     pub fn hash(&mut self) {
         self.digest.get_or_insert_default();
     }

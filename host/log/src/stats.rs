@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Largest counter of a trial: 10¹², over a million per second for the longest one. Sums over millions of trials fit into
-/// 64 bits.
+/// Largest counter of a trial: 10¹², over a million per second in the longest trial. Sums over millions of trials fit
+/// into 64 bits.
 const MOST: u64 = 1_000_000_000_000;
 
 /// Link statistics of a trial.
@@ -19,7 +19,7 @@ pub struct LinkStats {
     pub repeated: u64,
     /// Frames from the board with a wrong CRC.
     pub crc_errors: u64,
-    /// Times the host had to look for the start of a frame: broken COBS, no delimiter, or a foreign frame.
+    /// Number of times the host had to search for the start of a frame: broken COBS, no delimiter, or a foreign frame.
     pub resyncs: u64,
     /// Requests that were sent again.
     pub retries: u64,
@@ -31,7 +31,7 @@ impl LinkStats {
         self.lost == 0
     }
 
-    /// Returns whether a trial can have counted this many. Larger counters are those of a damaged or forged log.
+    /// Returns whether the counters are possible for a trial. Larger counters come from a damaged or forged log.
     pub(super) fn is_possible(&self) -> bool {
         let Self { samples, lost, repeated, crc_errors, resyncs, retries } = *self;
         [samples, lost, repeated, crc_errors, resyncs, retries].into_iter().all(|count| count <= MOST)

@@ -37,22 +37,22 @@ pub(super) fn is_intact(name: &str, table: &Table) -> bool {
     table.get(CRC).is_some_and(|saved| *saved == crc(name, table))
 }
 
-/// Returns whether a record has a CRC, as those of biflag do.
+/// Returns whether a record has a CRC, like the records of biflag.
 pub(super) fn has_crc(table: &Table) -> bool {
     table.contains_key(CRC)
 }
 
-/// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so that logs of other
+/// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so logs of other
 /// versions can be read.
 pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
-    // The default value shows which fields are text.
+    // The default value determines which fields are text.
     let mut object = fields(&M::default());
     for (key, value) in &mut object {
         if let Some(text) = table.get(key) {
             *value = if value.is_string() { Value::String(text.clone()) } else { serde_json::from_str(text).ok()? };
         }
     }
-    // Fields that are left out of the default value are text.
+    // Fields missing in the default value are text.
     for (key, text) in table {
         object.entry(key).or_insert_with(|| Value::String(text.clone()));
     }

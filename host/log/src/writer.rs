@@ -14,10 +14,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Interval at which chunks are closed: half of the half second that may be lost, so that a busy computer keeps it too.
+/// Interval at which chunks are closed: half of the half second that may be lost, so that a busy computer meets that
+/// limit, too.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(250);
 
-/// The first records of a log: everything that is known before the trial starts.
+/// The first records of a log: everything known before the trial starts.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Start {
     /// The program that writes the log, and where the trial runs.
@@ -30,36 +31,36 @@ pub struct Start {
     pub robot: RobotMeta,
     /// The board, with its settings.
     pub board: Option<BoardMeta>,
-    /// What was measured of its sensor.
+    /// The measured errors of its sensor.
     pub sensor: Option<MeasuredSensorMeta>,
 }
 
 /// A log being written.
 ///
-/// Every quarter of a second the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
-/// most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing for minutes: what
-/// waits for it is kept in memory. A modelled or imported trial can be written again, and its log must not depend on the
-/// computing time: its chunks are closed by size alone.
+/// Every quarter of a second the current chunk is closed, and a separate thread writes and syncs it, so a killed
+/// program loses at most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing
+/// for minutes, because pending chunks are kept in memory. A modelled or imported trial can be written again, and its
+/// log must not depend on the computing time: its chunks are only closed by size.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<Disk>>,
     disk: Arc<disk::Status>,
-    /// When a chunk was last closed; `None` if chunks are closed by size alone.
+    /// When a chunk was last closed; `None` if chunks are only closed by size.
     flushed: Option<Instant>,
     clock: Clock,
-    /// Messages on each channel so far.
+    /// Number of messages on each channel so far.
     sequences: BTreeMap<u16, u32>,
     tap: Option<Tap>,
 }
 
-/// Called with every message as it is written: its channel, its `log_time` in ns, and its bytes. It runs on the
-/// writer's thread, so it must not block.
+/// A function called with every message as it is written: its channel, its `log_time` in ns, and its bytes. It runs on
+/// the writer's thread, so it must not block.
 pub type Tap = Box<dyn Fn(&ChannelSpec, u64, &[u8]) + Send>;
 
 /// The trial's clock.
 #[derive(Debug)]
 struct Clock {
-    /// `log_time` of the next message that has no time of the board.
+    /// `log_time` of the next message without the board's time.
     log_ns: u64,
     /// The board's clock and the `log_time` of the first telemetry frame.
     first: Option<(u64, u64)>,
@@ -86,7 +87,7 @@ impl Writer {
             writer.meta(sensor)?;
         }
         writer.flush()?;
-        // A full disk is an error now, not when the motors turn.
+        // Report a full disk now, not when the motors turn.
         writer.settle()?;
         Ok(writer)
     }
@@ -133,7 +134,7 @@ impl Writer {
         elapsed_us
     }
 
-    /// Sets the trial's clock to `time_s` since its start. For models, which have no frames of a board.
+    /// Sets the trial's clock to `time_s` since its start. For models, which have no board.
     pub fn at(&mut self, time_s: f64) {
         self.clock.first.get_or_insert((0, self.clock.log_ns));
         self.clock.log_ns = self.time_ns(time_s);
@@ -149,8 +150,8 @@ impl Writer {
         self.clock.first.map_or(0.0, |(first_us, _)| board_time_us.saturating_sub(first_us) as f64 * 1e-6)
     }
 
-    /// Returns the `log_time` that corresponds to `time_s` after the trial's first frame, ns since 1970. For messages
-    /// whose type contains an absolute time.
+    /// Returns the `log_time` that corresponds to `time_s` after the trial's first frame, ns since 1970. For message
+    /// types that contain an absolute time.
     pub fn time_ns(&self, time_s: f64) -> u64 {
         let first_ns = self.clock.first.map_or(self.clock.log_ns, |(_, first_ns)| first_ns);
         first_ns.saturating_add((time_s * 1e9).round() as u64)
@@ -239,15 +240,15 @@ impl Writer {
         self.check(written)
     }
 
-    /// Closes a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
+    /// Closes a chunk if it is due. Must be called at least every 0.1 s if nothing else is written.
     ///
     /// # Errors
-    /// [`LogError::Write`], for what failed since the last call.
+    /// [`LogError::Write`] for failures since the last call.
     pub fn tick(&mut self) -> Result<(), LogError> {
         if self.flushed.is_none_or(|flushed| flushed.elapsed() < FLUSH_INTERVAL) { Ok(()) } else { self.flush() }
     }
 
-    /// Waits until what was flushed is in the file; returns the longest time that a write or a sync has taken.
+    /// Waits until everything flushed is in the file; returns the longest time that a write or a sync has taken.
     pub fn slowest_write(&self) -> Duration {
         self.disk.wait_for(0);
         self.disk.slowest()
@@ -260,7 +261,7 @@ impl Writer {
         self.take_error()
     }
 
-    /// Waits until what was flushed is in the file.
+    /// Waits until everything flushed is in the file.
     pub(super) fn settle(&self) -> Result<(), LogError> {
         self.disk.wait_for(0);
         self.take_error()
@@ -276,7 +277,7 @@ impl Writer {
     /// Ends the log with its summary, syncs it, and reads it back.
     ///
     /// # Errors
-    /// [`LogError::Write`], and [`LogError::Changed`] if the file does not hold what was written.
+    /// [`LogError::Write`], and [`LogError::Changed`] if the file differs from the written content.
     pub fn finish(mut self, summary: &Summary) -> Result<(), LogError> {
         self.meta(summary)?;
         let finished = self.mcap.finish().map(drop);
@@ -306,8 +307,8 @@ impl std::fmt::Debug for Writer {
     }
 }
 
-/// Returns the options of the MCAP writer. Chunks are assembled in memory and written at once, so that a killed writer
-/// leaves no partial chunk; they are compressed without threads, because they are small.
+/// Returns the options of the MCAP writer. Chunks are assembled in memory and written in one piece, so a killed writer
+/// leaves no partial chunk. They are compressed without threads, because they are small.
 pub(super) fn options() -> mcap::WriteOptions {
     mcap::WriteOptions::new()
         .profile(PROFILE)
@@ -334,7 +335,8 @@ pub(super) fn io_error(error: mcap::McapError) -> std::io::Error {
     }
 }
 
-/// Returns nanoseconds since 1970. A clock that is centuries wrong leaves room for the times of the longest trial.
+/// Returns nanoseconds since 1970, limited so that even a clock that is wrong by centuries leaves room for the longest
+/// trial.
 fn nanos(time: SystemTime) -> u64 {
     let last = u64::MAX - (2.0 * LONGEST_TRIAL_S * 1e9) as u64;
     let since = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

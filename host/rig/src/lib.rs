@@ -1,8 +1,8 @@
 //! The robot's board, real or emulated: the serial [`link`], trials on it ([`run`]), and [`live`] viewers.
 //!
-//! It is a crate of its own because it is the only part of the host that touches hardware: the serial port, the clock and
-//! other programs (`avrdude`, `vnano`). What it records goes through [`study::run::Recorder`], the same as for a modelled
-//! trial, so that nothing above a log can tell by its form which of the two it was. The Python module does without it.
+//! It is a separate crate because it is the only part of the host that touches hardware: the serial port, the clock and
+//! other programs (`avrdude`, `vnano`). It records through [`study::run::Recorder`], like a modelled trial, so both
+//! write logs of the same form. The Python module does not need it.
 
 pub mod link;
 pub mod live;

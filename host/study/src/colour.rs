@@ -1,9 +1,9 @@
-//! Colour in what the program prints, where a terminal shows it.
+//! Colours the program's output on a terminal.
 
 use anstyle::{AnsiColor, Style};
 use std::io::{self, Write};
 
-/// Words at the start of a line, after spaces, and the colours that they have on a terminal.
+/// Labels at the start of a line, after spaces, and their colours on a terminal.
 const LABELS: [(&str, AnsiColor); 8] = [
     ("error:", AnsiColor::Red),
     ("because:", AnsiColor::Red),

@@ -54,7 +54,7 @@ pub fn attitude(attitude: &UnitQuaternion<f64>, log_time_ns: u64) -> FrameTransf
     }
 }
 
-/// Returns the head with which a robot is drawn: its own, or that of the robot `physical` if it has none in the flow.
+/// Returns the head to draw for a robot: its own, or the head of the robot `physical` if it has none in the flow.
 pub fn head(robot: &Robot) -> Head {
     if robot.head.is_resolved() { robot.head.clone() } else { Robot::default().head }
 }

@@ -2,11 +2,11 @@
 //!
 //! A [`plan`] lists trials. The rig or the [model](run::model) runs them and writes their logs ([`biflag_log`]) into a
 //! [`session`] folder. Everything after that reads a log through [`trial`]: the comparison with the model and the fit
-//! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] ask the model alone.
+//! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] only use the model.
 //!
-//! It is a crate of its own because three programs share it: `biflag`, the Python module, and whatever a laboratory
-//! builds on it. None of them should compile a serial port or a web page to fit a viscosity. The seam to the crate `rig`
-//! is [`run::Recorder`], which takes a trial's messages wherever they come from; the seam to the crate `page` is
+//! It is a separate crate because three programs share it: `biflag`, the Python module, and a laboratory's own
+//! programs. None of them should compile a serial port or a web page to fit a viscosity. The interface to the crate
+//! `rig` is [`run::Recorder`], which accepts a trial's messages from any source; the interface to the crate `page` is
 //! [`trial::Data`] with [`trial::Zeroed`], and the comparisons made of them.
 //!
 //! | module | answers |
@@ -45,6 +45,6 @@ pub mod text;
 pub mod trial;
 pub mod twin;
 
-/// The diagnostic code of wrong use, which programs answer with exit code 2 instead of 1. To be given as
+/// The diagnostic code of wrong use, for which programs exit with code 2 instead of 1. Set it with
 /// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
 pub const WRONG_USE: &str = "wrong_use";

@@ -38,7 +38,7 @@ pub enum OutputError {
 }
 
 impl OutputError {
-    /// Returns why the file at `path` is not written.
+    /// Returns the reason why the file at `path` was not written.
     pub fn new(path: &Path, source: io::Error) -> Self {
         let path = path.to_owned();
         match source.kind() {
@@ -67,7 +67,7 @@ fn check_name(path: &Path) -> Result<(), OutputError> {
 /// [`OutputError`].
 pub fn check_new(path: &Path) -> Result<(), OutputError> {
     check_name(path)?;
-    // A link to nothing is in the way, too.
+    // A dangling link is in the way, too.
     if path.symlink_metadata().is_ok() {
         return Err(OutputError::Exists { path: path.to_owned() });
     }

@@ -1,4 +1,4 @@
-//! What a plan will do on the rig, before anything runs: its trials, its duration, and what may be wrong with them.
+//! Preview of a plan on the rig, before anything runs: its trials, its duration, and findings about them.
 
 use crate::plan::Plan;
 use crate::text;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt;
 use std::time::SystemTime;
 
-/// What a plan will do.
+/// Preview of a plan.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Preview {
     /// Name of the plan.
@@ -21,7 +21,7 @@ pub struct Preview {
     pub duration_s: f64,
     /// The same with the longest wait for a still robot before each trial.
     pub at_most_s: f64,
-    /// What the user should know before the first trial.
+    /// Findings about the plan.
     pub findings: Vec<Finding>,
 }
 
@@ -39,7 +39,7 @@ pub struct PlannedTrial {
 }
 
 impl Preview {
-    /// Returns what a plan will do.
+    /// Returns the preview of a plan.
     pub fn of(plan: &Plan) -> Self {
         let trials = plan.trials.iter().map(|trial| {
             let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
@@ -67,12 +67,12 @@ pub fn amount(trials: usize, duration_s: f64) -> String {
     format!("{}, {}", text::count(trials, "trial"), text::duration(duration_s))
 }
 
-/// Returns when what begins now and takes so long ends: local time, with the day if that is another.
+/// Returns the local time `duration_s` from now, with the date if it is not today.
 pub fn end_after(duration_s: f64) -> String {
     end(SystemTime::now(), duration_s).unwrap_or_else(|| "a time that no calendar has".to_owned())
 }
 
-/// `None` where a computer's clock is wrong by millennia.
+/// Returns `None` if the computer's clock is wrong by millennia.
 fn end(now: SystemTime, duration_s: f64) -> Option<String> {
     let now = Timestamp::try_from(now).ok()?.to_zoned(TimeZone::system());
     let end = now.checked_add(SignedDuration::try_from_secs_f64(duration_s).ok()?).ok()?;

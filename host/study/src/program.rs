@@ -12,8 +12,8 @@ pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
 /// Version and commit, as `biflag --version` prints them.
 pub const FULL_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("BIFLAG_GIT_HASH"), ")");
 
-/// Returns the identity record for logs of this program. That of a modelled or imported trial has no date, because its log
-/// does not depend on it.
+/// Returns the identity record for logs of this program. The record of a modelled or imported trial has no date,
+/// because its log does not depend on the date.
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     let created = if origin.is_recorded() { timestamp(time) } else { String::new() };
     Identity {
@@ -26,7 +26,7 @@ pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     }
 }
 
-/// Returns a time as text; a time out of range gives the last time that can be written.
+/// Returns a time as text. A time out of range becomes the last time that can be written.
 pub fn timestamp(time: SystemTime) -> String {
     jiff::Timestamp::try_from(time).unwrap_or(jiff::Timestamp::MAX).to_string()
 }

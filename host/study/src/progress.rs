@@ -1,8 +1,8 @@
 //! Progress on stderr, as a bar on a terminal and as lines elsewhere.
 //!
-//! A write to stderr takes as long as its reader likes: for ever, once Ctrl-S has stopped the terminal or while nobody reads
-//! the pipe. A recording must go on meanwhile, so only the drawing thread of [`Progress`] writes. The others leave it what
-//! is to be shown, which takes no time.
+//! A write to stderr may block for ever: after Ctrl-S has stopped the terminal, or while nobody reads the pipe. A
+//! recording must go on meanwhile, so only the drawing thread of [`Progress`] writes. The other threads only update the
+//! state to show, which never blocks.
 
 use crate::colour;
 use crate::lock::lock;
@@ -18,25 +18,25 @@ use std::time::Duration;
 /// Time between two drawings of the bar.
 const INTERVAL: Duration = Duration::from_millis(200);
 
-/// Time after which the pace of the work is known well enough to tell what is left.
+/// Time after which the pace of the work is known well enough to estimate the remaining time.
 const PACE_KNOWN_AFTER: Duration = Duration::from_secs(3);
 
-/// Longest wait at the end for a line to be printed. It is long enough for a busy computer, and short enough for a user who
+/// Longest wait at the end for a line to be printed: long enough for a busy computer, and short enough for a user who
 /// has pressed Ctrl-C.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Progress of a command, in seconds of its trials or in another unit. Threads may share it, and no method waits for the
-/// terminal; only the end does, for a second without any progress at most.
+/// Progress of a command, in seconds of its trials or in another unit. Threads may share it. Only
+/// [`finish`](Self::finish) waits for the terminal, and gives up after one second without progress.
 #[derive(Debug)]
 pub struct Progress {
-    /// `None` if nobody sees it.
+    /// `None` if nothing is shown.
     shared: Option<Arc<Shared>>,
     plain: bool,
     total_s: f64,
     done_s: f64,
 }
 
-/// What the drawing thread shares with the others. Nobody writes to the terminal while holding the lock.
+/// State shared with the drawing thread. No thread writes to the terminal while holding the lock.
 #[derive(Debug, Default)]
 struct Shared {
     state: Mutex<State>,
@@ -51,7 +51,7 @@ struct State {
     bar: Bar,
     /// Lines that are not printed yet.
     lines: VecDeque<String>,
-    /// Counts what was drawn.
+    /// Number of drawings so far.
     drawings: u64,
     ends: bool,
     /// The bell rings at the end.
@@ -62,7 +62,7 @@ struct State {
     over: bool,
 }
 
-/// What the bar shows. Only the latest matters.
+/// Contents of the bar. Only the latest matter.
 #[derive(Clone, Debug, Default)]
 struct Bar {
     position_ms: u64,
@@ -79,7 +79,7 @@ impl Progress {
         }
     }
 
-    /// Returns a progress that nobody sees.
+    /// Returns a progress that shows nothing.
     pub fn quiet() -> Self {
         Self { shared: None, plain: false, total_s: 0.0, done_s: 0.0 }
     }
@@ -133,9 +133,9 @@ impl Progress {
         self.change(false, |state| state.rings = true);
     }
 
-    /// Prints the lines that are left and removes the bar. Nothing is shown afterwards.
+    /// Prints the remaining lines and removes the bar. Nothing is shown afterwards.
     ///
-    /// What a terminal that hangs has not shown a second later is left to the drawing thread, so that the command can end.
+    /// If the terminal hangs for a second, the remaining lines are left to the drawing thread, so the command can end.
     pub fn finish(&self) {
         let Some(shared) = &self.shared else { return };
         let mut state = lock(&shared.state);
@@ -151,7 +151,7 @@ impl Progress {
         }
     }
 
-    /// Changes what is to be shown: `now`, or in the next drawing.
+    /// Changes the state to show, and draws it `now` or with the next drawing.
     fn change(&self, now: bool, change: impl FnOnce(&mut State)) {
         let Some(shared) = &self.shared else { return };
         change(&mut lock(&shared.state));
@@ -161,7 +161,7 @@ impl Progress {
     }
 }
 
-/// The terminal is left without a bar, also by a command that an error ends.
+/// Removes the bar from the terminal, also if an error ends the command.
 impl Drop for Progress {
     fn drop(&mut self) {
         self.finish();
@@ -199,7 +199,7 @@ fn draw(shared: &Shared, mut screen: impl Screen) {
     shared.drawn.notify_all();
 }
 
-/// Where the drawing thread draws.
+/// The target of the drawing thread.
 trait Screen: Send + 'static {
     /// Prints a line above the bar.
     fn line(&mut self, text: &str);
@@ -213,7 +213,7 @@ trait Screen: Send + 'static {
     /// Rings the bell.
     fn ring(&mut self) {}
 
-    /// Leaves the bar as it is: other text may follow it now, which a drawing would remove.
+    /// Leaves the bar as it is: another drawing would erase any text printed after it.
     fn leave(&mut self);
 }
 
@@ -261,7 +261,7 @@ impl Screen for Terminal {
             let text = &bar.figures;
             self.bar.set_prefix(if text.is_empty() { String::new() } else { format!("\n{text}") });
         }
-        // This draws, also without a change: the time that is left passes.
+        // This draws even if nothing has changed, because the remaining time decreases.
         self.bar.update(|state| state.set_pos(bar.position_ms));
         self.shown = bar.clone();
     }
@@ -280,7 +280,7 @@ impl Screen for Terminal {
     }
 }
 
-/// Writes the time that is left, once there is a pace to tell it from.
+/// Writes the remaining time, once the pace is known.
 fn left(state: &ProgressState, text: &mut dyn fmt::Write) {
     if state.pos() > 0 && state.elapsed() > PACE_KNOWN_AFTER {
         // Writing to a string cannot fail.
@@ -298,7 +298,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
     use std::time::Instant;
 
-    /// A screen that tells what is drawn, after a wait for each line.
+    /// A screen that reports every drawing, after a wait for each line.
     struct Told<W> {
         told: Sender<String>,
         wait: W,
@@ -383,7 +383,8 @@ mod tests {
         drop(progress);
         assert!(begun.elapsed() < PATIENCE * 3, "{:?}", begun.elapsed());
         assert!(tells.try_iter().all(|text| text.starts_with("bar")), "no line can have been printed");
-        // A terminal that goes on before the program has ended shows the lines, and draws and removes no bar among them.
+        // A terminal that continues before the program has ended shows the lines, and neither draws nor removes a bar
+        // among them.
         drop(go_on);
         let shown: Vec<_> = tells.iter().collect();
         let left = (1..1000).flat_map(|count| ["leave".to_owned(), count.to_string()]);

@@ -1,4 +1,4 @@
-//! Numbers that nobody can guess, for what other programs and web pages must not reach.
+//! Unguessable numbers that keep other programs and web pages out.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 

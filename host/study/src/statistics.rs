@@ -1,20 +1,20 @@
-//! Distributions for tests: how large a scatter or a difference is by chance alone.
+//! Distributions for testing whether chance explains a scatter or a difference.
 
 use libm::lgamma;
 use nalgebra::DMatrix;
 
-/// Degrees of freedom beyond which a distribution is that of infinitely many.
+/// Degrees of freedom above which a distribution equals its limit for infinitely many.
 const MANY: f64 = 1e6;
 
-/// Returns the probability of a ratio of a difference to its standard uncertainty that is as large or larger, of either
-/// sign, by Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
+/// Returns the two-sided probability of a ratio at least this large, of a difference to its standard uncertainty, by
+/// Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
 pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {
     let freedom = degrees_of_freedom.clamp(1.0, MANY);
     incomplete_beta(freedom / (freedom + ratio * ratio), 0.5 * freedom, 0.5)
 }
 
-/// Returns the quantile of the ratio of a variance with `degrees_of_freedom` to its expectation, which is itself known with
-/// `known_with` degrees of freedom: Fisher's F, or chi squared over its degrees of freedom where that is infinite.
+/// Returns the quantile of a variance with `degrees_of_freedom`, relative to its expectation, itself known with
+/// `known_with` degrees of freedom: Fisher's F, or chi squared over its degrees of freedom if `known_with` is infinite.
 pub fn variance_ratio(probability: f64, degrees_of_freedom: f64, known_with: f64) -> f64 {
     let (one, two) = (degrees_of_freedom.clamp(1.0, MANY), known_with.clamp(1.0, MANY));
     // Abramowitz and Stegun 26.6.2.
@@ -37,7 +37,7 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return if x <= 0.0 { 0.0 } else { 1.0 };
     }
-    // It converges fast on this side of the mean alone.
+    // It converges fast only on this side of the mean.
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - incomplete_beta(1.0 - x, b, a);
     }
@@ -64,15 +64,16 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
 /// The root mean square of values of a known covariance.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct ExpectedRms {
-    /// What 95 of 100 draws stay below.
+    /// Bound that 95 of 100 draws do not exceed.
     pub bound: f64,
     /// Number of independent values with the same scatter of the mean square; correlated values are fewer than they seem.
     pub independent: f64,
 }
 
 impl ExpectedRms {
-    /// Returns that of values with this covariance, which is known with `known_with` degrees of freedom. The sum of squares
-    /// is approximated by a multiple of chi squared with the same mean and variance (Satterthwaite 1946).
+    /// Returns the expected RMS of values with this covariance, itself known with `known_with` degrees of freedom. The
+    /// sum of squares is approximated by a multiple of chi squared with the same mean and variance (Satterthwaite
+    /// 1946).
     pub fn new(covariance: &DMatrix<f64>, known_with: f64) -> Self {
         let (trace, squares) = (covariance.trace(), covariance.norm_squared());
         if trace <= 0.0 {
@@ -84,8 +85,8 @@ impl ExpectedRms {
     }
 }
 
-/// Returns which differences chance does not explain, by the probability of each: of those that are returned, at most one in
-/// twenty is expected to be chance (Benjamini and Hochberg 1995).
+/// Returns which differences are not explained by chance, given the p-value of each. At most one in twenty of the
+/// returned differences is expected to be due to chance (Benjamini and Hochberg 1995).
 pub fn beyond_chance(p_values: &[f64]) -> Vec<bool> {
     let mut ascending: Vec<f64> = p_values.iter().copied().filter(|p| p.is_finite()).collect();
     ascending.sort_by(f64::total_cmp);

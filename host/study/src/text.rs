@@ -26,7 +26,7 @@ pub fn decimal(value: f64, decimals: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Formats a value with four decimals, with an exponent only where it needs one.
+/// Formats a value with four decimals, with an exponent only if necessary.
 pub fn figure(value: f64) -> String {
     if (0.01..1e4).contains(&value.abs()) { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
@@ -71,8 +71,8 @@ pub fn command_line() -> String {
     std::iter::once(program).chain(words).map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Describes the clock of the board relative to that of the computer. An emulated board may run several times as fast as
-/// real time.
+/// Describes the board's clock relative to the computer's. An emulated board may run several times as fast as real
+/// time.
 pub fn clock(clock: &ClockMeta) -> String {
     let rate = match clock.drift_ppm {
         drift if drift.abs() < 1e4 => format!("{} ppm", signed(drift, 1)),
@@ -92,13 +92,13 @@ pub fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
 }
 
-/// Serialises a path as text. JSON is Unicode, so bytes of a name that are not become replacement characters. For
+/// Serialises a path as text. JSON is Unicode, so other bytes become replacement characters. For
 /// `#[serde(serialize_with)]`.
 pub fn path<S: Serializer>(path: impl AsRef<Path>, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&path.as_ref().to_string_lossy())
 }
 
-/// Says where a trial ran.
+/// Describes where a trial ran.
 pub fn origin(origin: Origin) -> &'static str {
     match origin {
         Origin::Rig => "measured on the rig",
@@ -108,8 +108,8 @@ pub fn origin(origin: Origin) -> &'static str {
     }
 }
 
-/// Returns text that may be shown: names and notes of plans and logs may hold anything. Characters that move the cursor,
-/// colour the terminal or change the direction of the text are escaped. Line ends and tabs stay.
+/// Makes foreign text safe to print: names and notes in plans and logs may hold anything. Characters that move the
+/// cursor, colour the terminal or change the text's direction are escaped. Line ends and tabs stay.
 pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.replace("\r\n", "\n").chars() {
@@ -118,13 +118,13 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// Returns foreign text for a place within a line.
+/// Returns foreign text on one line.
 pub fn line(text: &str) -> String {
     printable(text).replace('\n', " ")
 }
 
-/// Formats JSON without these characters and without any that control a terminal. They are within strings, where JSON
-/// can escape them.
+/// Formats JSON without these characters and without those that control a terminal. They only occur within strings,
+/// where JSON can escape them.
 pub fn json_without(value: &serde_json::Value, characters: &[char]) -> String {
     let mut text = String::new();
     for c in value.to_string().chars() {
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(texts, ["0 s", "45 s", "1 min", "8 min 40 s", "1 h 0 min", "9 h 3 min"]);
     }
 
-    /// A shell gets the same text back, whatever is in it.
+    /// A shell gets the same text back, whatever it contains.
     #[test]
     fn text_is_quoted_for_a_shell() {
         for text in ["plain", "two words", "it's $HOME `date` \"x\" \\ *", "line\nend"] {

@@ -1,6 +1,6 @@
-//! The generated types and descriptors are those of the files in `proto`.
+//! Checks that the generated types and descriptors match the files in `proto`.
 //!
-//! Their generator takes longer to compile than the rest of this crate, so it is part of the feature `generate` only.
+//! Their generator takes longer to compile than the rest of this crate, so it is only part of the feature `generate`.
 
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use std::path::Path;
 const SCHEMAS: [&str; 4] =
     ["biflag.proto", "foxglove/FrameTransform.proto", "foxglove/SceneUpdate.proto", "foxglove/PointCloud.proto"];
 
-/// What the generated files were made from.
+/// Hashes of the files from which the code was generated.
 const SOURCES: &str = "sources.sha256";
 
 fn crate_folder() -> &'static Path {
@@ -44,7 +44,7 @@ mod generator {
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    /// Compiles the schemas, in Rust alone: to Rust types, and to the descriptors that every log carries.
+    /// Compiles the schemas, without external tools, to Rust types and to the descriptors in every log.
     fn generate(folder: &Path) {
         let proto = crate_folder().join("proto");
         let compile = |schemas: &[&str]| -> FileDescriptorSet { protox::compile(schemas, [&proto]).unwrap() };

@@ -1,9 +1,9 @@
 //! The message types of the log, and their channels.
 //!
-//! The types are generated from the files in `proto`, and checked in, because their generator takes longer to compile than
-//! the rest of this crate. A test knows when a file has changed; then
-//! `BIFLAG_WRITE_GOLDEN=1 cargo test --release -p biflag-log --features generate schema` writes them again. Without that
-//! variable the same test compares them with what the generator writes, as `make proof` does.
+//! The types are generated from the files in `proto`, and checked in, because their generator takes longer to compile
+//! than the rest of this crate. A test detects when a file has changed; then `BIFLAG_WRITE_GOLDEN=1 cargo test
+//! --release -p biflag-log --features generate schema` writes the types again. Without that variable the same test
+//! compares them with the generator's output, as `make proof` does.
 
 #[cfg(test)]
 mod current;
@@ -25,7 +25,7 @@ pub mod foxglove {
 /// A channel of the log.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ChannelSpec {
-    /// Number in the file. It is fixed, so that messages can be decoded even if the chunk that declares the channels is
+    /// Number in the file. It is fixed, so messages can be decoded even if the chunk that declares the channels is
     /// damaged.
     pub id: u16,
     /// Name.
@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// Readers such as PlotJuggler build a type from the log alone, file by file.
+    /// Readers such as PlotJuggler build a type only from the log, file by file.
     #[test]
     fn descriptors_list_dependencies_first() {
         for channel in CHANNELS {

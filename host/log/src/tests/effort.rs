@@ -1,4 +1,4 @@
-//! Time and memory that reading takes, whatever the file states.
+//! Bounds on the time and memory of reading, for any content of the file.
 
 use super::rewritten::{Rewriting, rewrite};
 use super::*;
@@ -6,19 +6,19 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 thread_local! {
-    /// The longest piece of memory that this thread has asked for.
+    /// The largest allocation of this thread.
     static LONGEST: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, which notes what is asked for.
+/// The system's allocator, with a record of the largest request.
 struct Watched;
 
 fn note(size: usize) {
-    // A thread that ends has no cell any more.
+    // An ending thread no longer has the cell.
     let _ = LONGEST.try_with(|longest| longest.set(longest.get().max(size)));
 }
 
-// SAFETY: every call is passed on to the system's allocator as it is.
+// SAFETY: every call is passed on unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Watched {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(layout.size());
@@ -47,7 +47,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static MEMORY: Watched = Watched;
 
-/// A file that counts what is read of it.
+/// A file that counts the bytes read from it.
 struct Counting {
     content: Cursor<Vec<u8>>,
     read: u64,
@@ -69,7 +69,7 @@ impl std::io::Seek for Counting {
     }
 }
 
-/// Reads a file to its end; returns the bytes read and the longest buffer asked for.
+/// Reads a file to its end; returns the number of bytes read and the longest buffer requested.
 fn effort(content: Vec<u8>) -> (u64, usize) {
     let mut scanner = Scanner::new(Counting { content: Cursor::new(content), read: 0, longest: 0 }).unwrap();
     while scanner.next().unwrap().is_some() {}
@@ -77,7 +77,7 @@ fn effort(content: Vec<u8>) -> (u64, usize) {
     (*read, *longest)
 }
 
-/// Many false beginnings of records, each of which states a long but possible record, take time in proportion to the file.
+/// Many false beginnings of long but possible records take time in proportion to the file.
 #[test]
 fn search_for_records_is_linear() {
     let log = bytes_of_log(4);
@@ -97,7 +97,7 @@ fn search_for_records_is_linear() {
     assert!(read < 12 * end + 8 * (64 << 20), "{read} bytes of {end} are read");
 }
 
-/// Every length in a file is compared with what is there before memory is asked for.
+/// Every stated length is compared with the actual bytes before memory is allocated.
 #[test]
 fn stated_lengths_allocate_nothing() {
     let log = bytes_of_log(4);
@@ -111,7 +111,7 @@ fn stated_lengths_allocate_nothing() {
     }
 }
 
-/// The length of a text or a table in a record is compared with the record before memory is asked for.
+/// The length of a text or a table in a record is compared with the record before memory is allocated.
 #[test]
 fn stated_lengths_of_texts_allocate_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn stated_lengths_of_texts_allocate_nothing() {
         LONGEST.set(0);
         effort(log.clone());
         let usual = LONGEST.get();
-        // Every length that precedes a text, and some numbers that only look like one.
+        // Every length that precedes a text, and some numbers that only look like lengths.
         let is_length = |at: &usize| {
             let (length, rest) = log[*at..].split_first_chunk().unwrap();
             let text = rest.get(..u32::from_le_bytes(*length) as usize);

@@ -120,7 +120,7 @@ fn plain(entry: Entry) -> Option<Plain> {
     }
 }
 
-/// Returns whether the channels are declared, which the first chunk does.
+/// Returns whether the log has its first chunk, which declares the channels.
 fn introduces(log: &[u8]) -> bool {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
     match scanner.next().unwrap() {
@@ -423,7 +423,7 @@ fn file_that_changes_while_it_is_written_is_an_error() {
     }
 }
 
-/// The time of an event is the one that it was written with, to the last digit.
+/// The time of an event is read back exactly as it was written.
 #[test]
 fn times_are_the_same_again() {
     for time_s in [15.0, 30.0, 60.0, 120.0, 86_400.0, 6.9, 0.035] {
@@ -452,7 +452,7 @@ fn times_are_the_same_again() {
     assert_eq!(times, [0.0, 30.0, 60.0, 120.0]);
 }
 
-/// A forged summary whose counters would overflow every sum is damage.
+/// A forged summary with counters that would overflow every sum counts as damage.
 #[test]
 fn summary_with_impossible_counters_is_damaged() {
     let folder = tempfile::tempdir().unwrap();

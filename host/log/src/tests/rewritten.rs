@@ -1,8 +1,8 @@
-//! Logs that another program has written anew.
+//! Logs rewritten by another program.
 
 use super::*;
 
-/// How another program writes a log.
+/// Options with which another program writes a log.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rewriting {
     pub chunks: bool,
@@ -13,7 +13,7 @@ pub(super) struct Rewriting {
 
 const LIBRARY: &str = "mcap go v1.7.0; biflag 0.1.0";
 
-/// Rewrites a log as another program may: with a file attached, metadata and a channel of its own, and an undefined record.
+/// Rewrites a log as another program may: with an attached file, its own metadata and channel, and an undefined record.
 pub(super) fn rewrite(log: &Path, how: Rewriting) -> Vec<u8> {
     let record = |op: u8, body: &[u8]| [&[op][..], &(body.len() as u64).to_le_bytes(), body].concat();
     let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
@@ -101,7 +101,7 @@ fn all_rewritings() -> impl Iterator<Item = Rewriting> {
     })
 }
 
-/// Any valid MCAP file of our channels is read, whatever program wrote it.
+/// Any valid MCAP file with our channels can be read, from any program.
 #[test]
 fn log_rewritten_by_another_program_is_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -130,7 +130,7 @@ fn log_rewritten_by_another_program_is_whole() {
     }
 }
 
-/// A rewritten log without CRCs that ends early or whose structure is wrong is not whole.
+/// A rewritten log without CRCs is incomplete if it ends early or its structure is wrong.
 #[test]
 fn rewritten_log_that_is_cut_is_not_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -140,7 +140,7 @@ fn rewritten_log_that_is_cut_is_not_whole() {
         let whole = rewrite(&path, how);
         std::fs::write(&theirs, &whole).unwrap();
         let file = std::fs::File::options().write(true).open(&theirs).unwrap();
-        // From the end, so that one file is cut shorter and shorter.
+        // From the end, so that one file can be cut repeatedly.
         for cut in (0..whole.len()).step_by(211).chain(whole.len() - 60..whole.len()).rev() {
             file.set_len(cut as u64).unwrap();
             match check(&theirs) {
@@ -151,7 +151,7 @@ fn rewritten_log_that_is_cut_is_not_whole() {
             assert_eq!(summary(&theirs).unwrap(), None, "{how:?} cut at {cut}");
         }
     }
-    // With CRCs, a changed byte shows.
+    // With CRCs, a changed byte is detected.
     let how = Rewriting { chunks: false, crcs: true, index: true, lz4: false };
     let whole = rewrite(&path, how);
     for at in (0..whole.len()).step_by(53) {
@@ -162,7 +162,7 @@ fn rewritten_log_that_is_cut_is_not_whole() {
     }
 }
 
-/// In an original, what other programs may leave out is damage.
+/// An original without a CRC is damaged, although other programs may omit it.
 #[test]
 fn original_log_without_a_crc_is_damaged() {
     let log = bytes_of_log(8);

@@ -1,8 +1,8 @@
-//! Exclusive use of a board: opening the port of a Nano resets it, so only one biflag may have it, also while avrdude
-//! uses the port on its behalf.
+//! Exclusive use of a board. Opening the port of a Nano resets it, so only one biflag may use it, even while avrdude
+//! has the port open on its behalf.
 //!
 //! The claim is the name of an abstract socket. It needs no file, and the kernel releases it however the program ends.
-//! An open port would not do: avrdude could then not reset the board by opening it.
+//! Keeping the port open would not work: avrdude could then not reset the board by opening it.
 
 use super::LinkError;
 use super::port::{busy, classify};

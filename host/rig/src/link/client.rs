@@ -1,4 +1,4 @@
-//! The link as the program uses it: open it, send requests, receive events.
+//! The program's interface to the link: opens it, sends requests, receives events.
 
 use super::lock_step::{Advance, LockStep};
 use super::port;
@@ -29,9 +29,9 @@ impl fmt::Debug for Link {
     }
 }
 
-/// How the bytes reach the board.
+/// The connection to the board.
 enum Line {
-    /// Through a port, which a thread serves.
+    /// Through a port served by a thread.
     Port {
         /// Time of the last heartbeat.
         alive: Arc<Mutex<Instant>>,
@@ -44,14 +44,14 @@ enum Line {
     LockStep(Box<RefCell<LockStep>>),
 }
 
-/// A request whose answer is awaited.
+/// A request that waits for its answer.
 #[derive(Debug)]
 pub struct Asked {
     answer: Receiver<Exchange>,
 }
 
 impl Link {
-    /// Time in which attempts of the handshake begin. Opening the port resets a Nano, and the older of its bootloaders
+    /// Time in which handshake attempts may start. Opening the port resets a Nano, and the older of its bootloaders
     /// waits two seconds.
     pub const HANDSHAKE: Duration = Duration::from_secs(4);
 
@@ -63,7 +63,7 @@ impl Link {
         Self::open_unless(path, &AtomicBool::new(false))
     }
 
-    /// Opens the port and performs the handshake; `interrupted` aborts it.
+    /// Opens the port and performs the handshake, which `interrupted` aborts.
     ///
     /// # Errors
     /// As [`Link::open`], and [`LinkError::Interrupted`].
@@ -85,7 +85,8 @@ impl Link {
         Ok(link)
     }
 
-    /// Performs the handshake with an emulated board that waits for this program. `path`: its port, which is not used.
+    /// Performs the handshake with an emulated board that waits for this program. `path`: its port, which is not
+    /// opened.
     ///
     /// # Errors
     /// As [`Link::open`].
@@ -107,7 +108,7 @@ impl Link {
         &self.path
     }
 
-    /// Returns when it was opened, on the host's wall clock.
+    /// Returns when the link was opened, on the host's wall clock.
     pub fn opened(&self) -> SystemTime {
         self.opened
     }
@@ -117,7 +118,7 @@ impl Link {
         &self.info
     }
 
-    /// Sends a request, several times if need be, and returns the answer.
+    /// Sends a request, repeatedly if necessary, and returns the answer.
     ///
     /// # Errors
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
@@ -135,7 +136,7 @@ impl Link {
         self.outcome(exchange)
     }
 
-    /// Sends a request without waiting for the answer, which [`Link::answer`] returns.
+    /// Sends a request without waiting for its answer. [`Link::answer`] returns the answer.
     ///
     /// # Errors
     /// [`LinkError::Closed`].
@@ -150,7 +151,7 @@ impl Link {
         Ok(Asked { answer })
     }
 
-    /// Returns the answer to a request; `None` as long as it is awaited.
+    /// Returns the answer to a request; `None` until it arrives.
     pub fn answer(&self, asked: &Asked) -> Option<Result<Reply, LinkError>> {
         match asked.answer.try_recv() {
             Err(TryRecvError::Empty) => None,
@@ -158,7 +159,7 @@ impl Link {
         }
     }
 
-    /// Returns the outcome of an exchange; there is none if the thread has ended.
+    /// Converts an exchange to its result; `None` means that the thread has ended.
     fn outcome(&self, exchange: Option<Exchange>) -> Result<Reply, LinkError> {
         let Exchange { request, reply, attempts, .. } = exchange.ok_or_else(|| self.closed())?;
         let command = || name(&request.command);
@@ -169,12 +170,12 @@ impl Link {
         }
     }
 
-    /// Returns the error for a port that is gone.
+    /// Returns the error for a port that has disappeared.
     pub fn closed(&self) -> LinkError {
         LinkError::Closed { path: self.path.clone() }
     }
 
-    /// Sends a request that is answered with [`Reply::Done`].
+    /// Sends a request answered with [`Reply::Done`].
     ///
     /// # Errors
     /// As [`Link::ask`].
@@ -196,8 +197,8 @@ impl Link {
         LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
     }
 
-    /// Returns the next event, or `None` if none comes within `timeout`. A board that waits goes on for a moment, unless the
-    /// timeout is zero.
+    /// Returns the next event, or `None` if none arrives within `timeout`. A board that waits for this program advances
+    /// a little, unless the timeout is zero.
     pub fn next(&self, timeout: Duration) -> Option<Received> {
         self.heartbeat();
         match &self.line {
@@ -248,8 +249,8 @@ impl Link {
                 (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
                     return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
                 }
-                // The first number is by chance that of the request that a program before this one sent last: the board takes
-                // the handshake for its repetition, and answers that.
+                // The first sequence number may by chance equal the last one of an earlier program. The board then
+                // takes the handshake for a repetition of that request, and answers that.
                 (Ok(_) | Err(LinkError::Refused { .. }), _) if !asked_before => {}
                 (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
                 (Err(LinkError::NoAnswer { .. }), _) => {}

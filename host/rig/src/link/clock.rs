@@ -12,14 +12,14 @@ pub struct BoardClock {
 }
 
 impl BoardClock {
-    /// How late a reading may come, µs: an answer can overtake the frame of its tick.
+    /// Largest delay of a reading, µs: an answer can overtake the frame of its tick.
     const LATE_US: u32 = 1_000_000;
-    /// The longest time between two readings, µs. The host gives up after a second without data, in which the emulated
-    /// board passes some ten seconds at most.
+    /// Longest time between two readings, µs. The host gives up after a second without data, which is some ten seconds
+    /// at most for the emulated board.
     const AHEAD_US: u32 = 30_000_000;
 
-    /// Returns the microseconds since the board's start. Readings come in order, some a little late. Returns `None` once
-    /// the clock has jumped back or ahead: the board has restarted.
+    /// Returns the microseconds since the board's start. Readings arrive in order, some a little late. Returns `None`
+    /// if the clock has jumped back or ahead, because the board has restarted.
     pub fn unwrap(&mut self, time: Micros) -> Option<u64> {
         let unwrapped = match self.last {
             None => u64::from(time.0),
@@ -48,7 +48,7 @@ pub struct PingClock {
 #[derive(Debug, Clone, Copy)]
 struct Ping {
     board_us: u64,
-    /// Midway between request and answer, s since the link was opened.
+    /// Middle between request and answer, s since the link was opened.
     host_s: f64,
     round_trip_s: f64,
 }
@@ -56,7 +56,7 @@ struct Ping {
 impl PingClock {
     const KEPT: usize = 4096;
 
-    /// Adds a ping that was sent and answered at these times since the link was opened.
+    /// Adds a ping sent and answered at these times since the link was opened.
     pub fn add(&mut self, board_us: u64, sent: Duration, answered: Duration) {
         if self.pings.len() == Self::KEPT {
             self.pings.pop_front();
@@ -65,8 +65,8 @@ impl PingClock {
         self.pings.push_back(Ping { board_us, host_s: 0.5 * (sent + answered), round_trip_s: answered - sent });
     }
 
-    /// Returns the least-squares fit over the faster half of the pings: a slow answer tells little about when the board
-    /// read its clock. `opened` is when the link was opened. `None` with fewer than ten pings.
+    /// Returns the least-squares fit over the faster half of the pings: a slow answer says little about when the board
+    /// read its clock. `opened`: when the link was opened. Returns `None` with fewer than ten pings.
     pub fn fit(&self, opened: SystemTime) -> Option<ClockMeta> {
         if self.pings.len() < 10 {
             return None;
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_board_that_starts_again_is_no_wrap_whenever_it_does() {
-        // Within a minute of its start, in the middle, and where zero is nearer ahead than behind.
+        // Within a minute of the start, in the middle of the range, and shortly before it wraps.
         for seconds in [5, 59, 100, 1800, 3000, 4260] {
             let mut clock = BoardClock::default();
             let before = Micros(seconds * 1_000_000);

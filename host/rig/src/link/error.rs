@@ -1,4 +1,4 @@
-//! Errors of the link between host and board, each with what to do about it.
+//! Errors of the link between host and board, each with its remedy.
 
 use miette::Diagnostic;
 use protocol::{Refusal, VERSION};
@@ -86,7 +86,7 @@ pub enum LinkError {
     Silent {
         /// The port.
         path: String,
-        /// How long the host waited.
+        /// Time that the host waited.
         waited: Duration,
     },
     /// The user pressed Ctrl-C.
@@ -101,7 +101,7 @@ pub enum LinkError {
         /// The port.
         path: String,
     },
-    /// The bytes that came are not of this protocol.
+    /// The received bytes do not belong to this protocol.
     #[error("the board on {path} runs another program: it sent {bytes} bytes and no valid frame")]
     #[diagnostic(help("flash it with `biflag flash --port {path}`"))]
     OtherProgram {
@@ -119,7 +119,7 @@ pub enum LinkError {
         /// The board's version.
         theirs: u8,
     },
-    /// The firmware speaks this version of the protocol, from another state of its development.
+    /// The firmware has the same protocol version, but from another state of development.
     #[error("the firmware on {path} was built with other messages than this biflag, under the same protocol version")]
     #[diagnostic(help("flash the matching firmware with `biflag flash --port {path}`"))]
     OtherSchema {
@@ -134,7 +134,7 @@ pub enum LinkError {
         path: String,
         /// The request.
         command: String,
-        /// How many times it was sent.
+        /// Number of attempts.
         attempts: u32,
     },
     /// The board refused.
@@ -182,7 +182,7 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
     }
 }
 
-/// Says how ports are called here, to who gives the name of a port of Windows.
+/// Returns a hint about port names if `port` is the name of a Windows port.
 fn names(port: &str) -> &'static str {
     let is_of_windows = port.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("COM"));
     if is_of_windows { "ports are called like /dev/ttyUSB0 here; " } else { "" }

@@ -1,8 +1,8 @@
 //! A line to an emulated board that waits for this program: its time passes only while this program waits for it.
 //!
-//! Nothing here depends on the computer's clock or on another thread, so what is sent reaches the board at the same time of
-//! its clock in every run, at any load of the computer. There are no pings: who turns the motors sends speeds more often
-//! than the board's deadline.
+//! Nothing here depends on the computer's clock or on another thread, so requests reach the board at the same time of
+//! its clock in every run, at any load of the computer. There are no pings: a program that turns the motors sends
+//! speeds more often than the board's deadline.
 
 use super::worker::{BACK_OFF, Event, Exchange, PendingRequest, Received};
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
@@ -11,10 +11,11 @@ use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, SystemTime};
 
-/// Passes bytes to the board, lets [`SLICE_US`] of its time pass, and returns what it sent; `None` once it is gone.
+/// Passes bytes to the board, lets [`SLICE_US`] of its time pass, and returns the bytes that it sent; `None` if it has
+/// ended.
 pub type Advance = Box<dyn FnMut(&[u8]) -> Option<Vec<u8>>>;
 
-/// Time that passes for the board at a time, µs.
+/// Time by which the board advances in one step, µs.
 pub const SLICE_US: u64 = 1_000;
 
 /// The line.
@@ -32,7 +33,7 @@ pub(super) struct LockStep {
     is_closed: bool,
 }
 
-/// The request that waits for its answer.
+/// The unanswered request.
 struct InFlight {
     exchange: Exchange,
     answer: Sender<Exchange>,
@@ -55,26 +56,26 @@ impl LockStep {
         }
     }
 
-    /// Sends a request after those before it.
+    /// Sends a request after all earlier ones.
     pub(super) fn send(&mut self, request: PendingRequest) {
         self.waiting.push_back(request);
         self.begin();
     }
 
-    /// Returns an event that has come.
+    /// Returns the next event that has arrived.
     pub(super) fn event(&mut self) -> Option<Received> {
         let closed = || self.received(Event::Closed);
         let is_over = self.events.is_empty() && self.is_closed;
         if is_over { Some(closed()) } else { self.events.pop_front() }
     }
 
-    /// Lets the board go on for a slice. Returns whether it is there.
+    /// Advances the board by a slice. Returns whether it is still running.
     pub(super) fn step(&mut self) -> bool {
         self.retry();
         let outgoing = std::mem::take(&mut self.outgoing);
         let Some(bytes) = (self.advance)(&outgoing).filter(|_| !self.is_closed) else {
             self.is_closed = true;
-            // Nobody answers what is on its way.
+            // The requests in flight will not be answered.
             (self.in_flight, self.waiting) = (None, VecDeque::new());
             return false;
         };
@@ -94,7 +95,7 @@ impl LockStep {
         true
     }
 
-    /// Sends the next request, if none is on its way.
+    /// Sends the next request, if none is in flight.
     fn begin(&mut self) {
         if self.in_flight.is_some() {
             return;
@@ -109,7 +110,7 @@ impl LockStep {
         self.in_flight = Some(InFlight { exchange, answer, retry_at_us });
     }
 
-    /// Sends the request on its way again when it is time, and abandons it after the last attempt.
+    /// Retries the request in flight when it is due, and abandons it after the last attempt.
     fn retry(&mut self) {
         let Some(in_flight) = self.in_flight.as_mut().filter(|of| self.passed_us >= of.retry_at_us) else { return };
         let Some(wait) = BACK_OFF.get(in_flight.exchange.attempts as usize) else {
@@ -133,7 +134,7 @@ impl LockStep {
     fn finish(&mut self, InFlight { exchange, answer, .. }: InFlight, reply: Option<Reply>) {
         let exchange = Exchange { reply, ..exchange };
         self.emit(Event::Exchange(exchange));
-        // An interrupted program no longer waits for it.
+        // An interrupted program no longer waits for the answer.
         let _ = answer.send(exchange);
         self.begin();
     }

@@ -5,16 +5,16 @@
 //!         ◄════════   keep-alive, retries ◄── requests                            ◄──
 //! ```
 //!
-//! The thread blocks only on the port, so a slow disk delays neither the reception of bytes nor the pings that keep the
-//! motors running. It pings only
+//! The thread only blocks on the port, so a slow disk delays neither the reception of bytes nor the pings that keep the
+//! motors running. It only pings
 //!
-//! - while the program is alive, that is, has asked for an event or sent a request within the last five seconds;
-//! - while the board sends: a frame of telemetry, or without a stream an answer, has come within the last second.
+//! - while the program is alive: it has asked for an event or sent a request within the last five seconds;
+//! - while the board sends: a telemetry frame, or without a stream an answer, has arrived within the last second.
 //!
 //! Otherwise the board stops its motors at their deadline.
 //!
-//! The time of an emulated board that is faster than real time waits for this program. So that it knows that the program
-//! waits for it and not the other way round, the thread sends it a delimiter every 50 ms.
+//! An emulated board that is faster than real time stops its time while this program is busy. The thread sends it a
+//! delimiter every 50 ms to signal that the program is waiting for the board, and not the reverse.
 
 mod claim;
 mod client;

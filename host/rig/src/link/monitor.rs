@@ -1,27 +1,27 @@
-//! Counts of what arrived over the link and what was lost.
+//! Counts of received and lost frames.
 
 use biflag_log::LinkStats;
 use protocol::Telemetry;
 use protocol::frame::FrameError;
 use protocol::units::Count;
 
-/// Frames that are missing from the stream.
+/// Missing frames of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Gap {
-    /// The number of the first frame that is missing.
+    /// The number of the first missing frame.
     pub first: Count,
-    /// How many are missing.
+    /// Number of missing frames.
     pub count: u16,
 }
 
-/// How a frame of the stream fits to those before it.
+/// The place of a frame in the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
-    /// It is the next one, or the first.
+    /// The frame is the next one, or the first.
     Next,
-    /// Frames before it are missing.
+    /// Frames before this one are missing.
     After(Gap),
-    /// It has been counted before, or it is older than one that has.
+    /// The frame has already been counted, or is older than a counted one.
     Repeated,
 }
 
@@ -43,7 +43,7 @@ impl Monitor {
     pub fn frame(&mut self, telemetry: &Telemetry) -> Arrival {
         self.out_of_step = false;
         let ahead = self.last.map_or(1, |last| telemetry.seq.0.wrapping_sub(last.0));
-        // A gap of half of all numbers would be minutes of silence, which end a trial earlier.
+        // A gap of half of all numbers would be minutes of silence, which would have ended the trial.
         if ahead == 0 || ahead > u16::MAX / 2 {
             self.stats.repeated += 1;
             return Arrival::Repeated;
@@ -58,12 +58,12 @@ impl Monitor {
         }
     }
 
-    /// Returns whether a frame that has not been counted is the one after the last one.
+    /// Returns whether a frame that has not been counted directly follows the last one.
     pub fn is_next(&self, telemetry: &Telemetry) -> bool {
         self.last.is_some_and(|last| telemetry.seq.0 == last.0.wrapping_add(1))
     }
 
-    /// Counts frames that are missing after the last one. Returns `None` if there are none.
+    /// Counts missing frames after the last one. Returns `None` if there are none.
     pub fn missing(&mut self, count: u16) -> Option<Gap> {
         let last = self.last.filter(|_| count > 0)?;
         self.stats.lost += u64::from(count);
@@ -77,7 +77,7 @@ impl Monitor {
         self.out_of_step = true;
     }
 
-    /// Counts a request that was sent this many times.
+    /// Counts the repetitions of a request after this many attempts.
     pub fn asked(&mut self, attempts: u32) {
         self.stats.retries += u64::from(attempts.saturating_sub(1));
     }

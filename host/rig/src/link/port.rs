@@ -1,4 +1,4 @@
-//! Finding and opening the serial port.
+//! Finds and opens the serial port.
 
 use super::LinkError;
 use rustix::fs::{FlockOperation, Mode, OFlags};
@@ -10,12 +10,12 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
 
-/// The longest wait for a byte, and so the longest delay of a request.
+/// Longest wait for a byte, and so the longest delay of a request.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
-/// Returns the ports that a robot can be on: serial converters on USB.
+/// Returns the possible ports of a robot: serial converters on USB.
 pub fn robots() -> Vec<String> {
-    // `serialport` panics without this folder, which some containers do not have.
+    // `serialport` panics without this folder, which is missing in some containers.
     if !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
@@ -47,7 +47,7 @@ fn the_only(mut available: Vec<String>) -> Result<String, LinkError> {
     }
 }
 
-/// Checks that the path is a serial port, which is free and permitted.
+/// Checks that the path is a serial port that is free and accessible.
 ///
 /// # Errors
 /// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`] or
@@ -60,7 +60,8 @@ pub fn probe(path: &str) -> Result<(), LinkError> {
     }
 }
 
-/// Opens and locks the port. The kernel's own exclusive mode does not hold for the superuser, so programs also lock it.
+/// Opens and locks the port. The kernel's own exclusive mode does not apply to the superuser, so programs also lock the
+/// port.
 fn lock(path: &str) -> Result<OwnedFd, LinkError> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
@@ -79,19 +80,19 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
         .timeout(READ_TIMEOUT)
         .open()
         .map_err(|error| classify(path, error.into()))?;
-    // An answer to the program before must not be taken for the answer to the first request.
+    // An answer to an earlier program must not be taken for the answer to the first request.
     port.clear(ClearBuffer::Input).map_err(|error| classify(path, error.into()))?;
     Ok(port)
 }
 
-/// Returns whether a program stands for the board: behind a pseudo-terminal there is no cable.
+/// Returns whether the board is emulated by a program: a pseudo-terminal has no cable.
 pub(crate) fn is_emulated(path: &str) -> bool {
     fs::canonicalize(path).unwrap_or_else(|_| path.into()).starts_with("/dev/pts")
 }
 
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
     match source.kind() {
-        // Another program was quicker, which `serialport` reports as a missing port.
+        // Another program was faster; `serialport` reports this as a missing port.
         io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
         io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
         io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },

@@ -1,4 +1,5 @@
-//! The thread that owns the port: it sends requests with retries, pings the board, decodes what comes, and passes it on.
+//! The thread that owns the port: it sends requests with retries, pings the board, decodes received bytes, and passes
+//! events on.
 
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
 use protocol::units::Micros;
@@ -22,7 +23,7 @@ pub struct Received {
     pub event: Event,
 }
 
-/// What happened on the link.
+/// An event on the link.
 #[derive(Debug)]
 pub enum Event {
     /// Received bytes, unchanged.
@@ -33,9 +34,10 @@ pub enum Event {
     Damaged(FrameError),
     /// A request was answered or abandoned.
     Exchange(Exchange),
-    /// The board should be streaming, but no frame has come for a second. This is told every second, until the next frame.
+    /// The board should be streaming, but no frame has arrived for a second. The event repeats every second until the
+    /// next frame.
     Silent {
-        /// Bytes that came in this time: noise, or answers to requests.
+        /// Number of bytes received in this time: noise, or answers to requests.
         bytes: usize,
     },
     /// The port is gone. This is the last event.
@@ -47,7 +49,7 @@ pub enum Event {
 pub struct Exchange {
     /// The request.
     pub request: Request,
-    /// How many times it was sent.
+    /// Number of attempts.
     pub attempts: u32,
     /// The answer; `None` if none came in time.
     pub reply: Option<Reply>,
@@ -63,7 +65,7 @@ pub(super) struct PendingRequest {
     pub(super) answer: Sender<Exchange>,
 }
 
-/// Time after each attempt before the next.
+/// Wait after each attempt.
 pub(super) const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(50),
     Duration::from_millis(100),
@@ -72,20 +74,20 @@ pub(super) const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(400),
 ];
 
-/// Time between pings, which feed the motors' deadline (500 ms by default) and relate the two clocks. By the host's clock
-/// or by the board's, whichever is earlier: an emulated board may run faster than real time.
+/// Time between pings, which feed the motors' deadline (500 ms by default) and relate the two clocks. By the host's
+/// clock or the board's, whichever is earlier, because an emulated board may run faster than real time.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
-/// Time between two signs of life to an emulated board, whose time stands still when it hears nothing. It is longer than
-/// the time that the board gives for one of them, 40 ms, so that its time does not run ahead of the deadlines here.
+/// Time between two signs of life to an emulated board, whose time stops without them. It is longer than the 40 ms by
+/// which one sign lets the board advance, so that its time does not run ahead of the deadlines here.
 const SIGN_OF_LIFE_EVERY: Duration = Duration::from_millis(50);
 
 /// Time without a frame after which the board no longer gets pings: motors that turn unseen must stop.
 const SILENCE: Duration = Duration::from_secs(1);
 
 /// Time without a heartbeat ([`super::Link::ask`], [`super::Link::next`]) after which the program counts as hung, and the
-/// board no longer gets pings. Logs are written on a thread of their own, so a slow disk delays no heartbeat; a terminal
-/// that does not take the program's output does.
+/// board no longer gets pings. Logs are written on a separate thread, so a slow disk does not delay the heartbeat. A
+/// terminal that blocks the program's output does.
 const HANG_TIMEOUT: Duration = Duration::from_secs(5);
 
 pub(super) struct Worker {
@@ -102,29 +104,29 @@ pub(super) struct Worker {
     handshake_done: bool,
     /// Whether the board was told to stream.
     streaming: bool,
-    /// When the last frame of the stream came, or without a stream, the last answer.
+    /// When the last frame of the stream arrived, or without a stream, the last answer.
     heard: Instant,
-    /// Bytes received since then.
+    /// Number of bytes received since `heard`.
     unheard: usize,
-    /// When its silence was told last; before that, the same as `heard`.
+    /// When its silence was last reported; before that, the same as `heard`.
     silence_told: Instant,
     next_ping: Instant,
     /// When the next sign of life is due; `None` for a real board, whose time passes anyway.
     next_sign: Option<Instant>,
-    /// The board's clock in the last frame of its stream, and in the last one before something was sent.
+    /// The board's clock in the last frame of its stream, and in the last frame before the last request.
     board_time: Option<Micros>,
     board_time_at_send: Option<Micros>,
 }
 
-/// The request that waits for its answer.
+/// The unanswered request.
 struct InFlight {
     exchange: Exchange,
-    /// Who waits for it; nobody for a ping.
+    /// The receiver of the answer; `None` for a ping.
     answer: Option<Sender<Exchange>>,
     retry_at: Instant,
 }
 
-/// The port is gone, or the program has closed the link.
+/// The port has disappeared, or the program has closed the link.
 struct Disconnected;
 
 impl Worker {
@@ -160,7 +162,7 @@ impl Worker {
 
     pub(super) fn run(mut self) {
         while self.step().is_ok() {}
-        // However the link ended, stop the motors. If this is lost, the board's own deadline stops them.
+        // Stop the motors, however the link ended. If this request is lost, the board's own deadline stops them.
         let _ = self.send(Command::Stop);
         self.emit(Event::Closed);
     }
@@ -188,7 +190,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Sends a delimiter to an emulated board while this program waits for it: an empty frame, which tells it nothing and
+    /// Sends a delimiter to an emulated board while this program waits for it: an empty frame, which has no content and
     /// feeds no deadline.
     fn show_life(&mut self) -> Result<(), Disconnected> {
         let is_due = self.next_sign.is_some_and(|due| Instant::now() >= due);
@@ -208,7 +210,7 @@ impl Worker {
     }
 
     /// Returns whether the board was heard in the last second. While it streams, noise and answers are not enough: only
-    /// its frames tell what the motors do.
+    /// its frames show the motion of the motors.
     fn is_heard(&self) -> bool {
         self.heard.elapsed() <= SILENCE
     }
@@ -219,7 +221,7 @@ impl Worker {
     }
 
     fn read(&mut self) -> Result<(), Disconnected> {
-        // If this program was stopped for a while, its port holds what came meanwhile; so silence lasts up to here.
+        // Silence counts up to here: after a stop of this program, its port has buffered bytes.
         let asked = Instant::now();
         let mut buffer = [0; 1024];
         match self.port.read(&mut buffer) {
@@ -260,8 +262,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Sends the request in flight again when it is time, and abandons it after the last attempt. Pings are not retried:
-    /// the next one is due soon.
+    /// Retries the request in flight when it is due, and abandons it after the last attempt. Pings are not retried: the
+    /// next one is due soon.
     fn retry(&mut self) -> Result<(), Disconnected> {
         let Some(in_flight) = &mut self.in_flight else { return Ok(()) };
         if Instant::now() < in_flight.retry_at {
@@ -298,7 +300,7 @@ impl Worker {
         let exchange = Exchange { reply, ..in_flight.exchange };
         self.emit(Event::Exchange(exchange));
         if let Some(answer) = in_flight.answer {
-            // An interrupted program no longer waits for it.
+            // An interrupted program no longer waits for the answer.
             let _ = answer.send(exchange);
         }
     }
@@ -310,7 +312,7 @@ impl Worker {
         Ok(request)
     }
 
-    /// Writes the frame of a request. A leading delimiter ends what noise on the line left in the board's buffer.
+    /// Writes the frame of a request. A leading delimiter terminates any noise in the board's buffer.
     fn write(&mut self, request: &Request) -> Result<(), Disconnected> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(request, &mut buffer).map_err(|_| Disconnected)?;
@@ -326,12 +328,12 @@ impl Worker {
     }
 
     fn emit(&mut self, event: Event) {
-        // A program that no longer listens also closes the channel of requests, which is seen next.
+        // A program that no longer listens also closes the channel of requests, which the next step detects.
         let _ = self.events.send(Received { wall: SystemTime::now(), at: self.begun.elapsed(), event });
     }
 }
 
-/// Returns a first sequence number unlike that of the program before, whose last request the board remembers.
+/// Returns a first sequence number that hardly equals an earlier program's last one, which the board remembers.
 fn first_seq() -> u8 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
 }

@@ -15,7 +15,7 @@ use study::draw;
 use study::trial::DAMAGED_FRAME;
 use thiserror::Error;
 
-/// Why watching the board ended.
+/// Why watching the board failed.
 #[derive(Debug, Error, Diagnostic)]
 pub enum WatchError {
     /// The link failed.
@@ -31,8 +31,8 @@ pub enum WatchError {
     },
 }
 
-/// Starts the board's telemetry and serves it until the user interrupts the program. No speeds are sent and no fault is
-/// cleared. The motors are at rest: a board stops them if no host is connected.
+/// Starts the board's telemetry and serves it until the user interrupts the program. It neither sends speeds nor clears
+/// faults. The motors are at rest, because a board stops them if no host is connected.
 ///
 /// # Errors
 /// [`WatchError`].

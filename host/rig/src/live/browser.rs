@@ -1,8 +1,8 @@
-//! Serves a recording to a browser on this computer: the page, what is new, and a button that ends the recording.
+//! Serves a recording to a browser on this computer: the page, its updates, and a button that ends the recording.
 //!
-//! The address contains a secret, so that neither another user of the computer nor a web page can watch or stop an
-//! experiment. The page asks for news several times a second. A slow browser only slows down its own page: the recorder
-//! leaves the [`Feed`] a row and goes on.
+//! The address contains a secret, so neither another user of the computer nor a web page can watch or stop an
+//! experiment. The page requests updates several times a second. A slow browser only slows down its own page: the
+//! recorder adds a row to the [`Feed`] and continues.
 
 use super::{Feed, LiveError};
 use std::io;
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use study::secret::secret;
 use tiny_http::{Header, Method, Request, Response, Server};
 
-/// A page asks this often or more often; one that has asked since then is open.
+/// A page counts as open if it has requested updates within this time. Pages do so more often.
 const ASKS_WITHIN: Duration = Duration::from_secs(2);
 
 /// The server of the page. Dropping it releases the port.
@@ -25,16 +25,16 @@ pub struct Browser {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the server's thread needs.
+/// State of the server's thread.
 struct Door {
     host: String,
     secret: String,
     page: String,
     feed: Feed,
     stop: Arc<AtomicBool>,
-    /// When a page last asked for news.
+    /// When a page last requested updates.
     asked: std::sync::Mutex<Option<Instant>>,
-    /// Whether a page has the last words.
+    /// Whether a page has received the last words.
     told: AtomicBool,
 }
 
@@ -60,7 +60,7 @@ impl Browser {
         let (serves, behind) = (Arc::clone(&server), Arc::clone(&door));
         let serve = move || {
             for request in serves.incoming_requests() {
-                // A browser that has gone concerns no later one.
+                // A browser that has disconnected does not affect later ones.
                 let _ = behind.answer(request);
             }
         };
@@ -68,12 +68,12 @@ impl Browser {
         Ok(Self { server, address, door, thread: Some(thread) })
     }
 
-    /// Returns the address of the page. Whoever knows it can watch, and stop, the recording.
+    /// Returns the address of the page. Anyone who knows it can watch and stop the recording.
     pub fn url(&self) -> String {
         format!("http://{}/{}/", self.address, self.door.secret)
     }
 
-    /// Ends the recording for the page. An open page gets a moment to fetch what is left.
+    /// Ends the recording for the page. An open page gets a moment to fetch the rest.
     pub fn end(&self, words: &str) {
         self.door.feed.end(words);
         let is_open = |asked: Option<Instant>| asked.is_some_and(|asked| asked.elapsed() < ASKS_WITHIN);
@@ -104,7 +104,7 @@ impl Door {
             let header = request.headers().iter().find(|header| header.field.equiv(name));
             header.map(|header| header.value.as_str().to_owned())
         };
-        // A web page may point a name of its own at this computer, but the browser then says that name.
+        // A web page may point its own name at this computer, but the browser then sends that name.
         let is_ours = value("Host").is_some_and(|host| host == self.host)
             && value("Origin").is_none_or(|origin| origin == format!("http://{}", self.host));
         let (path, query) = request.url().split_once('?').unwrap_or((request.url(), ""));
@@ -136,7 +136,7 @@ impl Door {
     }
 }
 
-/// An answer that no cache, no other page and no link keeps.
+/// Returns an answer that no cache stores and no other page or link sees.
 fn kept_private(body: &str, kind: &str) -> Response<io::Cursor<Vec<u8>>> {
     let headers = [
         ("Content-Type", kind),

@@ -1,4 +1,4 @@
-//! The news of a recording for a page in a browser: the running trial twenty times a second, and the session so far.
+//! The updates of a recording for a page in a browser: the running trial twenty times a second, and the session so far.
 
 use biflag_log::Tap;
 use biflag_log::schema::biflag::{Event, Telemetry, event::Kind};
@@ -17,7 +17,7 @@ const FRAMES_A_ROW: u32 = TICK_HZ as u32 / 20;
 /// Values of a row: time (s), yaw, pitch, roll (degrees), speeds, their targets (rpm), and turns of both motors.
 const COLUMNS: usize = 10;
 
-/// What the page shows. Clones share it.
+/// The data for the page. Clones share it.
 #[derive(Clone, Default)]
 pub struct Feed(Arc<Mutex<State>>);
 
@@ -26,14 +26,14 @@ struct State {
     trial: Trial,
     /// Rows of the running trial.
     rows: Vec<[f64; COLUMNS]>,
-    /// The trials of the session as the program shows them.
+    /// The trials of the session, in the form shown by the program.
     session: Value,
     /// The last words of the program.
     ended: Option<String>,
     unwrap: Unwrap,
     /// Frames of the trial so far.
     frames: u32,
-    /// The frame of the next row, whose attitude for viewers comes after it.
+    /// The frame of the next row. Its attitude for viewers arrives after it.
     frame: Option<Telemetry>,
 }
 
@@ -43,7 +43,7 @@ struct Trial {
     /// Counts the trials of the program, from 1; 0 before the first. A repeated attempt is another trial.
     number: u32,
     name: String,
-    /// How long it takes as planned.
+    /// Its planned duration.
     planned_s: f64,
     /// The yaw at the start of the run.
     zero_deg: f64,
@@ -54,7 +54,7 @@ struct Trial {
 }
 
 impl Feed {
-    /// A trial begins.
+    /// Starts a trial.
     pub fn begin(&self, name: &str, planned_s: f64) {
         let mut state = lock(&self.0);
         let number = state.trial.number + 1;
@@ -68,19 +68,19 @@ impl Feed {
         lock(&self.0).session = session;
     }
 
-    /// The recording has ended.
+    /// Ends the recording.
     pub fn end(&self, words: &str) {
         lock(&self.0).ended = Some(words.to_owned());
     }
 
-    /// Returns a tap that takes over the messages of a log.
+    /// Returns a tap that receives the messages of a log.
     pub fn tap(&self) -> Tap {
         let feed = self.clone();
         Box::new(move |channel, _, bytes| lock(&feed.0).message(channel, bytes))
     }
 
-    /// Returns everything that a page does not have yet: the rows of the running trial after the first `have`, or all of
-    /// them if the page has those of another trial.
+    /// Returns everything that a page does not have yet: the rows of the running trial after the first `have`, or all
+    /// rows if the page has another trial.
     pub fn news(&self, trial: u32, have: usize) -> Value {
         let state = lock(&self.0);
         let have = if trial == state.trial.number { have.min(state.rows.len()) } else { 0 };
@@ -138,7 +138,7 @@ impl State {
             Kind::Warning => "warning",
             Kind::Note | Kind::State | Kind::Retry | Kind::Calibration | Kind::Clock => return,
         };
-        // A line that is spoilt for an hour should not fill the page.
+        // A serial line that is bad for an hour should not fill the page.
         const MOST: usize = 100;
         if self.trial.marks.len() < MOST {
             self.trial.marks.push((time_s, kind, event.text.clone()));
@@ -158,7 +158,7 @@ mod tests {
         tap(&M::CHANNEL, 0, &message.encode_to_vec());
     }
 
-    /// Frames of a robot that turns about the vertical by 100 degrees a second.
+    /// Sends frames of a robot that turns about the vertical at 100 degrees per second.
     fn turn(tap: &Tap, from: u32, to: u32) {
         for i in from..to {
             let time_s = f64::from(i) / f64::from(TICK_HZ);
@@ -180,7 +180,7 @@ mod tests {
         let first = feed.news(0, 0);
         let rows = first["rows"].as_array().unwrap();
         assert_eq!((rows.len(), first["from"].as_u64()), (40, Some(0)));
-        // The yaw goes on beyond half a turn.
+        // The yaw continues beyond half a turn.
         let last: Vec<f64> = rows[39].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect();
         assert_eq!(last, [1.95, 195.0, 0.0, 0.0, 50.0, 0.0, 51.0, 0.0, 1.625, 0.0]);
         let trial = &first["trial"];
@@ -192,7 +192,7 @@ mod tests {
         turn(&tap, 400, 500);
         let more = feed.news(1, 40);
         assert_eq!((more["rows"].as_array().unwrap().len(), more["from"].as_u64()), (10, Some(40)));
-        // A page that knows the trial before starts anew; a page that claims too much gets nothing.
+        // A page with the previous trial starts again; a page that claims too many rows gets nothing.
         feed.begin("002", 60.0);
         turn(&feed.tap(), 0, 100);
         assert_eq!(feed.news(1, 50)["rows"].as_array().unwrap().len(), 10);

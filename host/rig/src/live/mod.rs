@@ -1,10 +1,10 @@
 //! Serves trials to viewers: the messages of a log, unchanged, over Foxglove's WebSocket protocol.
 //!
-//! [`Browser`] serves a page of our own to a browser on this computer, which needs no other program.
+//! [`Browser`] serves biflag's own page to a browser on this computer, without another program.
 //!
-//! The messages come from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board
-//! without recording ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does
-//! not affect the trial or other viewers. Web pages other than Foxglove's and this computer's are refused.
+//! The messages come from a running recording ([`Live::tap`]), from a log ([`play`]), or from a board without recording
+//! ([`watch`]). Each viewer has its own queue, so a slow or dead viewer loses messages but does not affect the trial or
+//! other viewers. Web pages other than Foxglove's and this computer's are refused.
 
 mod board;
 #[cfg(feature = "viewers")]

@@ -1,4 +1,4 @@
-//! Stands for the server in a program that was built without it: it never starts.
+//! Stand-in for the server in a program built without it: it never starts.
 
 use super::{Feed, LiveError};
 use biflag_log::Tap;

@@ -1,8 +1,8 @@
-//! Keeps web pages from reading an experiment: browsers let any page connect to a WebSocket of this computer, and only
+//! Keeps web pages from reading an experiment. Browsers let any page connect to a WebSocket on this computer, and only
 //! name the page in the `Origin` header of the handshake.
 //!
 //! The server of Foxglove's library cannot refuse a handshake. Viewers therefore connect to this door, which reads the
-//! handshake and copies the bytes of those it admits. The server behind it listens on a random address of this
+//! handshake and copies the bytes of admitted viewers. The server behind it listens on a random address of this
 //! computer ([`hidden_address`]), which pages cannot guess.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Longest head of a handshake, bytes. Browsers send along all cookies of this computer's other servers.
+/// Longest head of a handshake, bytes. Browsers include all cookies of this computer's other servers.
 const HEAD: usize = 64 * 1024;
 
 /// Time limit of a handshake.
@@ -23,7 +23,7 @@ const HANDSHAKE: Duration = Duration::from_secs(5);
 /// A viewer that takes no byte for this time is disconnected.
 const DEAD_AFTER: Duration = Duration::from_secs(90);
 
-/// Time until the end of the door is noticed.
+/// Interval of the checks whether the door was closed.
 const CHECK_EVERY: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 
 const REFUSAL: &str = "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nContent-Length: 42\r\nConnection: close\r\n\r\n\
@@ -46,7 +46,7 @@ impl Door {
         let until = ended.clone();
         let thread = Builder::new().name("viewers".into()).spawn(move || {
             while !until.load(Ordering::Relaxed) {
-                // Its errors, and those of a connection that is gone again, concern no later viewer.
+                // Errors here, or of a connection that has already closed, do not affect later viewers.
                 let _ = poll(&mut [PollFd::new(&listener, PollFlags::IN)], Some(&CHECK_EVERY));
                 match listener.accept() {
                     Ok((viewer, _)) => {
@@ -54,7 +54,7 @@ impl Door {
                         let _ = Builder::new().name("viewer".into()).spawn(move || admit(viewer, server));
                     }
                     Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                    // Such as too many open files: the connection stays in the queue, and `poll` does not wait.
+                    // For example, too many open files: the connection stays in the queue, and `poll` does not wait.
                     Err(_) => std::thread::sleep(Duration::from_millis(20)),
                 }
             }
@@ -72,9 +72,8 @@ impl Drop for Door {
     }
 }
 
-/// Returns a random address for the server behind the door. On Linux, the 16 million addresses of 127.0.0.0/8 are this
-/// computer's; with the port, which the system selects, a page
-/// would have to try 10¹¹ of them.
+/// Returns a random address for the server behind the door. On Linux, all 16 million addresses of 127.0.0.0/8 belong to
+/// this computer. With the port, which the system selects, a page would have to try 10¹¹ combinations.
 pub fn hidden_address() -> Ipv4Addr {
     if cfg!(not(target_os = "linux")) {
         return Ipv4Addr::LOCALHOST;
@@ -101,7 +100,7 @@ fn admit(viewer: TcpStream, server: SocketAddr) {
         (&server).write_all(&head)?;
         let copy = |mut from: &TcpStream, mut to: &TcpStream| {
             let _ = io::copy(&mut from, &mut to);
-            // Ends the copy in the other direction. What was written before is still sent.
+            // Ends the copy in the other direction. Bytes already written are still sent.
             let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
         };
         std::thread::scope(|scope| {
@@ -110,11 +109,11 @@ fn admit(viewer: TcpStream, server: SocketAddr) {
             Ok(())
         })
     };
-    // Whatever the error, this viewer is disconnected, and no other.
+    // An error only disconnects this viewer.
     let _ = copied();
 }
 
-/// Reads the head of the handshake, and what the viewer has sent after it.
+/// Reads the head of the handshake, and any bytes that the viewer has sent after it.
 fn handshake(mut viewer: &TcpStream) -> io::Result<Vec<u8>> {
     viewer.set_nonblocking(false)?;
     let until = Instant::now() + HANDSHAKE;

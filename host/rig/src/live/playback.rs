@@ -12,13 +12,13 @@ use study::progress::Progress;
 /// Longest wait between checks for an interruption.
 const NAP: Duration = Duration::from_millis(50);
 
-/// Wait for a viewer to subscribe to all of its channels, one after the other.
+/// Wait for a viewer to subscribe to all of its channels, one by one.
 const SETTLING: Duration = Duration::from_millis(300);
 
 /// Result of playing a log.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Played {
-    /// Time of the log that was played, s.
+    /// Played time of the log, s.
     pub played_s: f64,
     /// Messages sent.
     pub messages: u64,

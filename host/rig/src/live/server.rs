@@ -21,19 +21,19 @@ const QUEUE: usize = 4096;
 /// Interval of the time broadcasts. A viewer that does not read is disconnected after [`QUEUE`] of them.
 const CLOCK_EVERY: Duration = Duration::from_millis(20);
 
-/// The channel that is not served, because viewers cannot use it.
+/// This channel is not served, because viewers cannot use it.
 const HIDDEN: &str = "/raw";
 
-/// A server of live messages. Clones share the server, which ends with the last of them.
+/// A server of live messages. Clones share the server, which ends when the last clone is dropped.
 #[derive(Clone)]
 pub struct Live(Arc<Server>);
 
 struct Server {
     address: SocketAddr,
-    /// Where viewers connect.
+    /// The entrance for viewers.
     _door: Door,
     handle: Option<WebSocketServerHandle>,
-    /// Keeps the context of the channels alive, which the server only borrows.
+    /// Keeps the channels' context alive, which the server only borrows.
     _context: Arc<Context>,
     channels: BTreeMap<u16, Arc<RawChannel>>,
     listener: Arc<Listener>,
@@ -42,7 +42,7 @@ struct Server {
     broadcast_ms: AtomicU64,
 }
 
-/// Notes whether a viewer has subscribed to a channel.
+/// Records whether a viewer has subscribed to a channel.
 #[derive(Default)]
 struct Listener {
     subscribed: AtomicBool,
@@ -131,7 +131,7 @@ impl Live {
     /// Sends a message to all subscribers of its channel without blocking: a full queue drops its oldest message.
     pub fn show(&self, channel: &ChannelSpec, log_time_ns: u64, bytes: &[u8]) {
         let Some(sink) = self.0.channels.get(&channel.id) else { return };
-        // Messages of other channels may have earlier times, and viewers start again when the time goes back.
+        // Messages of other channels may have earlier times, and viewers restart when the time goes back.
         if channel.id == biflag::Telemetry::CHANNEL.id {
             self.broadcast_time(log_time_ns);
         }
@@ -167,7 +167,8 @@ impl std::fmt::Debug for Live {
     }
 }
 
-/// Viewers get a short time to receive their queues. The end does not wait for them, because some may never read.
+/// Viewers get a short time to receive their queues. The server does not wait longer, because some viewers may never
+/// read.
 impl Drop for Server {
     fn drop(&mut self) {
         const LAST_MESSAGES: Duration = Duration::from_millis(300);
@@ -216,7 +217,7 @@ mod tests {
         assert!(Live::listen(address).is_err());
         tap(&biflag::Event::CHANNEL, 0, &[]);
         drop(tap);
-        // The end does not wait for the viewers, so it may take a moment until the port is free.
+        // The server ends without waiting for the viewers, so it may take a moment until the port is free.
         let free = |_| {
             Live::listen(address).is_ok() || {
                 std::thread::sleep(Duration::from_millis(20));

@@ -17,7 +17,7 @@ const FEW_ATTEMPTS: [&str; 2] = ["-x", "attempts=3"];
 /// Time limit of a run of avrdude. A write takes 5 s to 15 s, and a wrong speed 60 s at most ([`FEW_ATTEMPTS`]).
 const LIMIT: Duration = Duration::from_secs(90);
 
-/// Interval of the checks whether avrdude has ended.
+/// Interval of the checks for the end of avrdude.
 const CHECK_EVERY: Duration = Duration::from_millis(20);
 
 /// Longest wait for the rest of the output after the end.
@@ -91,7 +91,7 @@ fn flash_with(
                 End::Exit(_) => break,
                 // The board was reset too late or the computer was busy; the next attempt resets it again.
                 End::Silent | End::TimeLimit if stuck == 0 => stuck += 1,
-                // Only at the bootloader's own speed does a write begin.
+                // A write only begins at the bootloader's own speed.
                 End::Silent => return Err(FlashError::Interrupted { port: port.to_owned(), baud, said: last }),
                 End::TimeLimit => break,
             }
@@ -103,17 +103,17 @@ fn flash_with(
 /// A run of avrdude.
 struct Attempt {
     end: End,
-    /// What it has written to its standard error.
+    /// Its output on standard error.
     said: String,
 }
 
 enum End {
-    /// It ended.
+    /// It exited.
     Exit(ExitStatus),
-    /// It was ended because the bootloader had stopped answering during the write. avrdude itself would go on with
+    /// It was killed because the bootloader had stopped answering during the write. avrdude itself would continue with
     /// every page, at 5 s each.
     Silent,
-    /// It was ended at the time limit.
+    /// It was killed at the time limit.
     TimeLimit,
 }
 
@@ -147,7 +147,7 @@ fn run(
     attempt.map_err(FlashError::NotRun)
 }
 
-/// Waits until avrdude has ended, or should be ended.
+/// Waits until avrdude has exited, or must be killed.
 fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
     let until = Instant::now() + limit;
     let lines = lines_of(child)?;
@@ -180,15 +180,15 @@ fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
     }
 }
 
-/// Returns whether `line`, the last of what avrdude has `said`, reports that the bootloader stopped answering during
-/// the write. Before the write, avrdude itself gives up; after the verification, the image is complete.
+/// Returns whether `line`, the last line of avrdude's output `said`, reports that the bootloader stopped answering
+/// during the write. Before the write, avrdude itself gives up; after the verification, the image is complete.
 fn is_silent(line: &str, said: &str) -> bool {
     let said = said.to_ascii_lowercase();
     line.contains("not responding") && said.contains("writing") && !said.contains("verified")
 }
 
-/// Returns the lines of the child's standard error as they come. The thread that reads them ends with the pipe, which
-/// nobody waits for.
+/// Returns the lines of the child's standard error as they arrive. The thread that reads them ends with the pipe;
+/// nobody waits for it.
 fn lines_of(child: &mut Child) -> io::Result<Receiver<String>> {
     let (sender, lines) = channel();
     let Some(stderr) = child.stderr.take() else { return Ok(lines) };
@@ -211,8 +211,9 @@ mod tests {
 
     const SILENT: &str = "echo 'avrdude: stk500_recv(): programmer is not responding' >&2";
 
-    /// What happened with a shell script in place of avrdude: the result, the speeds tried, and the time taken. Its
-    /// `$try` counts the runs from 1, `$baud` is the speed, and `$few` whether few attempts were asked for.
+    /// Runs a shell script in place of avrdude and returns the result, the speeds tried, and the time taken. In the
+    /// script, `$try` counts the runs from 1, `$baud` is the speed, and `$few` states whether few attempts were
+    /// requested.
     fn flashed(limit: Duration, script: &str) -> (Result<u32, FlashError>, Vec<u32>, Duration) {
         let folder = tempfile::tempdir().unwrap();
         let port = folder.path().join("port");
@@ -248,7 +249,7 @@ mod tests {
         assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
     }
 
-    /// Its output is kept although a program that it started keeps the pipe open.
+    /// The output is kept even if a program started by avrdude keeps the pipe open.
     #[test]
     fn hanging_avrdude_is_ended_and_run_again() {
         let limit = Duration::from_millis(500);
@@ -281,7 +282,7 @@ mod tests {
         assert!(took < Duration::from_secs(20), "{took:?}");
     }
 
-    /// A wrong speed is given up by avrdude itself, and after the verification silence does no harm.
+    /// avrdude itself gives up at a wrong speed, and after the verification silence does no harm.
     #[test]
     fn silence_outside_of_the_write_is_not_an_interruption() {
         let (result, bauds, _) = flashed(LONG, &format!("[ $baud = 57600 ] && exit 0; {SILENT}; exit 1"));

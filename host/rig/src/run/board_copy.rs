@@ -1,8 +1,8 @@
 //! Copies of the boards' settings on this computer, by board id, for a board whose EEPROM has lost them.
 //!
-//! A copy is a file of `biflag settings`: `~/.config/biflag/boards/7.toml` is that of board 7. It is written whenever the
-//! settings are saved, or read from a board that has them in its EEPROM. Board id 0 is that of a board without an id and
-//! has no copy.
+//! A copy is a file of `biflag settings`: `~/.config/biflag/boards/7.toml` belongs to board 7. It is written whenever
+//! the settings are saved, or read from a board that has them in its EEPROM. Board id 0 means a board without an id,
+//! which has no copy.
 
 use biflag_log::atomic_file;
 use protocol::Settings;
@@ -17,7 +17,7 @@ pub struct BoardCopies {
 }
 
 impl BoardCopies {
-    /// Returns the copies in this folder, which need not exist.
+    /// Returns the copies in this folder. The folder need not exist.
     pub fn in_folder(folder: &Path) -> Self {
         Self { folder: folder.to_owned() }
     }
@@ -34,7 +34,7 @@ impl BoardCopies {
         self.folder.join(format!("{board_id}.toml"))
     }
 
-    /// Returns the ids of the boards that have a copy, in their order.
+    /// Returns the ids of the boards that have a copy, in ascending order.
     pub fn ids(&self) -> Vec<u16> {
         let names = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
         let mut ids: Vec<u16> = names.filter_map(|name| name.to_str()?.strip_suffix(".toml")?.parse().ok()).collect();
@@ -65,7 +65,7 @@ impl BoardCopies {
     /// Reads the copy of a board.
     ///
     /// # Errors
-    /// [`PlanError`] if there is none or it is not a file of settings.
+    /// [`PlanError`] if there is no copy or it is not a file of settings.
     pub fn load(&self, board_id: u16) -> Result<BoardSettings, PlanError> {
         board::load(&self.path(board_id))
     }

@@ -9,7 +9,7 @@ use protocol::{Fault, ResetCause};
 use study::steer::SteerError;
 use thiserror::Error;
 
-/// What to do about an encoder's cable.
+/// Remedy for a bad encoder cable.
 const CABLE_CURE: &str = "mend the encoder's cable: keep its leads away from the motor's, put 1 kOhm and 4.7 nF at each input, \
                           and check its ground and supply";
 
@@ -37,7 +37,7 @@ pub enum RecordError {
     Silent {
         /// Why it restarted, if it did.
         cause: Option<ResetCause>,
-        /// Bytes that came instead in the last second.
+        /// Number of other bytes received in the last second.
         bytes: usize,
     },
     /// The board left the schedule of the trial.
@@ -95,7 +95,7 @@ pub fn fault_text(fault: Fault) -> &'static str {
     }
 }
 
-/// Returns what to do about a fault.
+/// Returns the remedy for a fault.
 pub fn fault_cure(fault: Fault) -> &'static str {
     match fault {
         Fault::None => "nothing is wrong",

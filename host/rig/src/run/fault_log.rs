@@ -1,4 +1,4 @@
-//! The fault log in the board's EEPROM: what stopped the motors before the host opened the port, which resets the board.
+//! The fault log in the board's EEPROM. It keeps earlier faults, because the host resets the board by opening the port.
 
 use super::fault_text;
 use crate::link::{Link, LinkError};
@@ -22,7 +22,7 @@ pub fn read(link: &Link) -> Result<Vec<FaultRecord>, LinkError> {
     Ok(records)
 }
 
-/// Returns the entry as a log keeps it.
+/// Converts the entry to a log's record.
 pub fn to_log(record: &FaultRecord) -> FaultMeta {
     FaultMeta {
         boot: record.boot,

@@ -1,5 +1,5 @@
-//! Follows the sensor of a board whose motors are off, for the measurement of the sensor itself: every reading goes to a
-//! function and into a log.
+//! Follows the sensor of a board with its motors off, to measure the sensor itself: every reading goes to a function
+//! and into a log.
 
 use super::RecordError;
 use super::fault_text;
@@ -15,13 +15,13 @@ use thiserror::Error;
 /// Interval of the pings that compare the clocks.
 const PING_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Largest gap between two readings, s. In a longer one a turn of the hand is not known.
+/// Largest gap between two readings, s. A turn by hand during a longer gap would be lost.
 const LONGEST_GAP_S: f64 = 0.25;
 
 /// Why the sensor could not be followed.
 #[derive(Debug, Error, Diagnostic)]
 pub enum FollowError {
-    /// The board, the link or the log.
+    /// The board, the link or the log failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Record(#[from] RecordError),
@@ -53,17 +53,17 @@ impl From<LogError> for FollowError {
     }
 }
 
-/// What was followed.
+/// Result of following the sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Followed {
     /// Counts of the link.
     pub link: LinkStats,
-    /// Relative rate error of the board's clock against the computer's; `None` if it is not known, as for an emulated board,
-    /// whose time has a speed of its own.
+    /// Relative rate error of the board's clock against the computer's; `None` if it is not known, or for an emulated
+    /// board, whose time runs at its own speed.
     pub clock_error: Option<f64>,
 }
 
-/// Streams readings to `take` until it returns false. `settings` are those of the board.
+/// Streams readings to `take` until it returns `false`. `settings` are the board's settings.
 ///
 /// # Errors
 /// [`FollowError`], and the error of `take`.
@@ -135,7 +135,7 @@ impl<'a> Stream<'a> {
         }
         if self.pinged.elapsed() >= PING_INTERVAL {
             self.pinged = Instant::now();
-            // Its answer comes as an event.
+            // Its answer arrives as an event.
             self.link.send(Command::Ping)?;
         }
         let Some(received) = self.link.next(Duration::from_millis(20)) else {

@@ -1,4 +1,4 @@
-//! What a trial's telemetry says about the sensor, the wires, the supply and the program.
+//! Checks sensor, wiring, supply and firmware from a trial's telemetry.
 
 use protocol::Telemetry;
 use protocol::units::Count;
@@ -7,18 +7,18 @@ use protocol::units::Count;
 /// at 4.3 V.
 const LOW_SUPPLY_V: f64 = 4.5;
 
-/// Number of edges that are not motion, of both encoders, up to which the user is not warned. A shaft that turns back
-/// just after an edge makes two without any noise, and the board's position stays right.
+/// Number of edges of both encoders without motion up to which the user is not warned. A shaft that turns back just
+/// after an edge makes two of them without any noise, and the board's position stays right.
 pub const GLITCHES_ALLOWED: u64 = 10;
 
-/// Edges a second that are not motion, while a motor is driven, above which a trial is not complete. The board keeps speed and
-/// position right among those that it knows, but nobody knows what else such a cable carries.
+/// Edges per second without motion, while a motor is driven, above which a trial is not complete. The board corrects
+/// speed and position for the edges that it recognises, but such a cable may carry other disturbances.
 const DISTURBED_HZ: f64 = 100.0;
 
-/// Shortest time from which that is judged, s.
+/// Shortest time for judging that rate, s.
 const JUDGED_S: f64 = 1.0;
 
-/// Counts what is wrong in the frames of a trial.
+/// Counts the problems in the frames of a trial.
 #[derive(Debug, Default)]
 pub(super) struct Health {
     last: Option<Telemetry>,
@@ -47,7 +47,7 @@ impl Health {
         }
     }
 
-    /// Returns how many edges a second were not motion, if they were too many for a trial.
+    /// Returns the number of edges per second without motion, if it is too large for a trial.
     pub(super) fn disturbed_hz(&self) -> Option<f64> {
         let rate_hz = self.glitches as f64 / self.driven_s.max(JUDGED_S);
         (rate_hz > DISTURBED_HZ).then_some(rate_hz)

@@ -1,4 +1,4 @@
-//! Firmware images: where they come from, and the commit that they were built from.
+//! Firmware images: their source, and the commit that they were built from.
 
 use miette::Diagnostic;
 use std::io::{self, Write};
@@ -17,9 +17,9 @@ const MARKER: &[u8] = b"biflag-firmware:";
 pub struct Image {
     /// The ELF file.
     pub elf: PathBuf,
-    /// The commit that it was built from, as [`commit_text`] says it.
+    /// The commit that it was built from, as formatted by [`commit_text`].
     pub commit: String,
-    /// Removes the file of the image inside the program when it is no longer used.
+    /// Removes the temporary file of the program's own image when it is no longer used.
     _temporary: Option<TempPath>,
 }
 
@@ -64,7 +64,7 @@ impl Image {
         Ok(Self { elf: elf.to_owned(), commit, _temporary: None })
     }
 
-    /// Writes an image to a temporary file, which lives as long as the result.
+    /// Writes an image to a temporary file, which exists as long as the result.
     ///
     /// # Errors
     /// [`ImageError::NotWritten`], or as [`Image::read`].
@@ -108,12 +108,12 @@ fn repository() -> &'static Path {
     this_crate.ancestors().nth(2).unwrap_or(this_crate)
 }
 
-/// Formats a commit: `c0ffee12`, or `c0ffee12+` if the working tree had changes. Zeros are an unknown commit.
+/// Formats a commit: `c0ffee12`, or `c0ffee12+` if the working tree had changes. Zeros mean an unknown commit.
 pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
     hex(&git_hash) + if git_dirty { "+" } else { "" }
 }
 
-/// Returns whether this program is in the repository that it was built in, and not a copy elsewhere.
+/// Returns whether this program is inside the repository in which it was built, and not a copy elsewhere.
 pub fn in_repository() -> bool {
     match (std::env::current_exe(), repository().canonicalize()) {
         (Ok(program), Ok(root)) => program.starts_with(root),
@@ -126,7 +126,8 @@ pub fn source_folder() -> PathBuf {
     repository().join("firmware")
 }
 
-/// Returns the commit that an image was built from, as [`commit_text`] says it; `None` if it is not an image of the robot.
+/// Returns the commit that an image was built from, as formatted by [`commit_text`]; `None` if it is not an image of
+/// the robot.
 pub fn commit_of_image(bytes: &[u8]) -> Option<String> {
     let start = bytes.windows(MARKER.len()).position(|window| window == MARKER)? + MARKER.len();
     let digits = std::str::from_utf8(bytes.get(start..start + 8)?).ok()?;

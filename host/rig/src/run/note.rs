@@ -23,7 +23,7 @@ pub fn read(link: &Link) -> Result<Copies, LinkError> {
     Ok(copies)
 }
 
-/// Writes a copy of the note, and returns whether the board keeps it.
+/// Writes a copy of the note, and returns whether the board has stored it.
 ///
 /// # Errors
 /// As [`Link::ask`].

@@ -1,4 +1,4 @@
-//! Turns the flagella to angles from their marks, which the board knows from its encoders.
+//! Turns the flagella to angles relative to their marks, which the board knows from its encoders.
 
 use super::preflight::PreflightError;
 use super::{RecordError, stream};
@@ -11,13 +11,13 @@ use std::sync::atomic::AtomicBool;
 const SPEED: CentiRpm = CentiRpm(1000);
 const _: () = assert!(SPEED.0 <= MAX_TURN_SPEED.0);
 
-/// The last part of the way is turned in the direction of the run, so that the backlash of the gear is on the same side.
+/// Last part of the way, which is turned in the direction of the run, so the backlash of the gear is on the same side.
 const RUN_UP_DEG: f64 = 15.0;
 
-/// Time in which a turn ends: half a turn at [`SPEED`] takes 3 s, and a gear that sticks takes some attempts at the end.
+/// Time limit of a turn: half a turn at [`SPEED`] takes 3 s, and a sticking gear takes some attempts at the end.
 const PATIENCE_US: u32 = 20_000_000;
 
-/// Largest error of a starting angle: a trial does not begin with more.
+/// Largest error of a starting angle with which a trial may begin.
 const TOLERANCE_DEG: f64 = 3.0;
 
 /// Asks the board for its identity and the positions of its shafts.
@@ -43,7 +43,7 @@ pub fn known(link: &Link) -> Result<Info, RecordError> {
     Err(PreflightError::AnglesUnknown { port: link.path().to_owned() }.into())
 }
 
-/// Turns the flagella to these angles from their marks, from the side from which motors with these speeds come.
+/// Turns the flagella to these angles from their marks, in the directions of these speeds.
 ///
 /// # Errors
 /// [`PreflightError::AnglesUnknown`], [`PreflightError::NotParked`]; the board's faults.
@@ -74,13 +74,13 @@ pub fn park(
     Ok(())
 }
 
-/// Returns the place of an angle that is nearest to a position, counts.
+/// Returns the position with this angle that is nearest to a given position, counts.
 fn nearest(angle_deg: f64, position: EncoderCounts, per_turn: f64) -> f64 {
     let counts = angle_deg / 360.0 * per_turn;
     counts + ((f64::from(position.0) - counts) / per_turn).round() * per_turn
 }
 
-/// Turns both flagella to positions, counts, and returns where they are in the end.
+/// Turns both flagella to positions, counts, and returns their final positions.
 ///
 /// # Errors
 /// The board's faults, and as [`Link::command`].
@@ -96,7 +96,7 @@ pub fn turn(
         .command(Command::TurnTo { position, speed })
         .map_err(RecordError::from)
         .and_then(|()| wait(link, interrupted));
-    // Motors that have not arrived, or that nobody waits for.
+    // Stops motors that have not arrived.
     let stopped = link.command(Command::Stop);
     stream::end(link)?;
     let reached = reached?;
@@ -106,7 +106,7 @@ pub fn turn(
 
 fn wait(link: &Link, interrupted: &AtomicBool) -> Result<[EncoderCounts; 2], RecordError> {
     let Reply::Pong(begun) = link.ask(Command::Ping)? else {
-        // No other reply fits a ping; the frames then tell.
+        // No other reply fits a ping.
         return Err(RecordError::OffSchedule);
     };
     loop {

@@ -1,4 +1,4 @@
-//! Checks before the motors turn. If a check fails, the trial is refused and the error says what to do; `--resume`
+//! Checks before the motors turn. If a check fails, the trial is refused and the error names the remedy; `--resume`
 //! continues.
 //!
 //! | when | what |
@@ -20,7 +20,8 @@ use std::time::Duration;
 use study::run::AtRest;
 use thiserror::Error;
 
-/// Lowest supply of the board with which a trial begins: room above the 4.3 V below which the board stops the motors.
+/// Lowest supply of the board with which a trial begins, with a margin above the 4.3 V at which the board stops the
+/// motors.
 pub const LEAST_SUPPLY: Millivolts = Millivolts(4500);
 
 /// Largest deviation of the acceleration at rest from 1 g. The sensor's zero is within 0.08 g and its scale within 3 %
@@ -31,14 +32,14 @@ const FORCE_TOLERANCE_G: f64 = 0.15;
 /// half a per cent.
 const DRIFT_LIMIT_PPM: f64 = 10_000.0;
 
-/// Number of pings from which the clock rate is known well enough.
+/// Smallest number of pings for a known clock rate.
 const LEAST_PINGS: u32 = 10;
 
-/// Bytes of log a second, of the rig and of the emulated board with its robot's shapes: twice what was measured.
+/// Bytes of log per second, of the rig and of the emulated board with its robot's shapes: twice the measured values.
 const RIG_BYTES_PER_S: f64 = 80e3;
 const SIMULATED_BYTES_PER_S: f64 = 250e3;
 
-/// Reserve of disk space that stays free, bytes.
+/// Reserve of free disk space, bytes.
 const RESERVE_BYTES: f64 = 50e6;
 
 /// The board measures its supply once a second.
@@ -53,7 +54,7 @@ pub enum PreflightError {
     NoSettings {
         /// The port.
         port: String,
-        /// The boards whose settings this computer has, with the files.
+        /// The boards for which this computer has settings, with the files.
         copies: Vec<(u16, PathBuf)>,
     },
     /// The disk is too small for the plan.
@@ -65,9 +66,9 @@ pub enum PreflightError {
     DiskFull {
         /// The session folder.
         folder: PathBuf,
-        /// The free room, less a reserve.
+        /// The free space minus a reserve.
         free_bytes: f64,
-        /// What the rest of the plan needs.
+        /// The space needed by the rest of the plan.
         needed_bytes: f64,
     },
     /// The board's supply is too low, or not measured.
@@ -85,9 +86,9 @@ pub enum PreflightError {
     #[error("the sensor gave {readings} readings in the calibration of the gyroscope instead of {planned}")]
     #[diagnostic(help("check the sensor's cable and its pull-ups; `biflag doctor` tests them"))]
     FewReadings {
-        /// How many readings were averaged.
+        /// Number of readings averaged.
         readings: u16,
-        /// How many should have been.
+        /// Number of readings planned.
         planned: u16,
     },
     /// The acceleration at rest is not gravity.
@@ -99,7 +100,7 @@ pub enum PreflightError {
         /// The mean acceleration, in standard gravity.
         force_g: f64,
     },
-    /// The sensor's axes are not those of the settings.
+    /// The sensor's axes differ from the settings.
     #[error("the sensor is tilted by {tilt_deg:.1} degrees at rest, too much for a robot that hangs upright")]
     #[diagnostic(help(
         "set accel_axes and gyro_axes in [board] of the plan to the mounting of the sensor, and let the robot hang freely"
@@ -117,7 +118,7 @@ pub enum PreflightError {
         /// The number of readings.
         count: u16,
     },
-    /// The plan sets starting angles, which the board cannot turn to.
+    /// The plan sets starting angles, but the board does not know its angles.
     #[error(
         "the board on {port} does not know the angles of its flagella, and the plan sets the angles at which they start"
     )]
@@ -178,7 +179,7 @@ pub fn settings(link: &Link, copies: Option<&BoardCopies>) -> Result<(), Preflig
 /// # Errors
 /// [`PreflightError::DiskFull`].
 pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), PreflightError> {
-    // A file system that does not tell its room is not a reason to stop.
+    // An unknown amount of free space is not a reason to stop.
     let Ok(disk) = rustix::fs::statvfs(folder) else { return Ok(()) };
     let free_bytes = (disk.f_bavail as f64 * disk.f_frsize as f64 - RESERVE_BYTES).max(0.0);
     let needed_bytes = seconds * if is_simulated { SIMULATED_BYTES_PER_S } else { RIG_BYTES_PER_S };
@@ -188,7 +189,7 @@ pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), Prefl
     Err(PreflightError::DiskFull { folder: folder.to_owned(), free_bytes, needed_bytes })
 }
 
-/// Checks the board's supply. The motors are off, and so is the stream after it.
+/// Checks the board's supply. The motors must be off; the stream is off afterwards.
 ///
 /// # Errors
 /// [`PreflightError::SupplyLow`], also if the board has not measured it; or as [`Link::command`].
@@ -197,7 +198,7 @@ pub fn supply(link: &Link, interrupted: &AtomicBool) -> Result<(), RecordError> 
     if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
 }
 
-/// Returns the board's supply as the board measures it; 0 if it has not. The stream is off after it.
+/// Returns the board's own measurement of its supply; 0 if there is none. The stream is off afterwards.
 ///
 /// # Errors
 /// As [`Link::command`].
@@ -217,9 +218,9 @@ fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, Rec
     Ok(frame.supply)
 }
 
-/// Checks the sensor and the clock at the end of the calibration. `planned`: the number of readings that it should have. `clock` is
-/// that of the trial so far, and `port` the one of the board: an emulated board, behind a pseudo-terminal, has a clock of its own
-/// speed.
+/// Checks the sensor and the clock at the end of the calibration. `planned`: the planned number of readings; `clock`:
+/// the clock fit of the trial so far; `port`: the board's port, because an emulated board, behind a pseudo-terminal,
+/// has a clock with its own speed.
 ///
 /// # Errors
 /// [`PreflightError::Clipped`], [`PreflightError::FewReadings`], [`PreflightError::Moved`], [`PreflightError::NotGravity`],
@@ -254,7 +255,7 @@ pub fn at_rest(
 }
 
 impl PreflightError {
-    /// Returns whether a push or a swing may be the cause: the same robot passes when it is at rest.
+    /// Returns whether a push or a swing may be the cause, so that the same robot would pass at rest.
     pub fn may_pass_at_rest(&self) -> bool {
         matches!(self, Self::Moved | Self::Clipped { .. })
     }

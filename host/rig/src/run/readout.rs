@@ -6,8 +6,8 @@ use std::fmt;
 use study::attitude::{Euler, Unwrap};
 use study::text::decimal;
 
-/// The latest figures of a running trial. The drift of the yaw is not known before the end, so these are not the angles
-/// that the trial ends with.
+/// The latest figures of a running trial. They differ from the trial's final angles, because the drift of the yaw is
+/// not known before the end.
 #[derive(Debug, Default)]
 pub(super) struct Readout {
     latest: Option<(Euler, Telemetry)>,
@@ -17,7 +17,7 @@ pub(super) struct Readout {
 }
 
 impl Readout {
-    /// Takes over a frame: its attitude, levelled if the vertical is known, and the number of frames lost so far.
+    /// Adds a frame: its attitude, levelled if the vertical is known, and the number of frames lost so far.
     pub(super) fn frame(&mut self, attitude: &UnitQuaternion<f64>, telemetry: &Telemetry, lost: u64) {
         let euler = Euler::of(attitude);
         let yaw_deg = self.unwrap.next(euler.yaw_deg);
@@ -31,13 +31,13 @@ impl Readout {
         [angles.yaw_deg - self.zero_deg, angles.pitch_deg, angles.roll_deg]
     }
 
-    /// Makes the latest yaw the zero of those that follow.
+    /// Makes the latest yaw the zero of later ones.
     pub(super) fn zero_yaw(&mut self) {
         self.zero_deg = self.latest.map_or(0.0, |(angles, _)| angles.yaw_deg);
     }
 }
 
-/// Without a frame the text is empty.
+/// Formats the figures; empty without a frame.
 impl fmt::Display for Readout {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let Some((_, telemetry)) = &self.latest else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Hands a trial's schedule to the board, which then keeps the time by itself.
+//! Sends a trial's schedule to the board, which then keeps time by itself.
 
 use super::RecordError;
 use super::recorder::Recorder;
@@ -7,12 +7,12 @@ use protocol::units::Micros;
 use protocol::{Command, Refusal, SetPoint};
 use study::plan::TICK_US;
 
-/// A schedule that cannot start as planned starts later by a multiple of this: the interval between the shapes of a
-/// simulated robot, whose samples thus have the same times in every trial.
+/// A late schedule is delayed by a multiple of this, µs. It is the interval between the shapes of a simulated robot, so
+/// its samples have the same times in every trial.
 const GRID_US: u64 = 100_000;
 
-/// Time for a request to reach the board, by its clock. Doubled each time it was too short: this computer may be busy, and
-/// an emulated board's clock faster than real time.
+/// Time for a request to reach the board, by its clock, µs. It is doubled if it was too short: this computer may be
+/// busy, and an emulated board faster than real time.
 const LEAD_US: u64 = 40_000;
 const MAX_LEAD_US: u64 = 20_000_000;
 
@@ -25,13 +25,13 @@ pub(super) fn send(recorder: &mut Recorder, points: &[SetPoint]) -> Result<(), R
     (0..).zip(points).try_for_each(|(index, point)| recorder.command(Command::SetPoint { index, point: *point }))
 }
 
-/// A board that has restarted has lost the plan's settings and the set-points.
+/// Fails if the board has restarted, and so lost the plan's settings and the set-points.
 fn refuse_restart(recorder: &mut Recorder) -> Result<(), RecordError> {
     recorder.restart().map_or(Ok(()), |cause| Err(RecordError::Restarted(cause)))
 }
 
-/// Starts the first `count` set-points at `planned_us` of the board's clock, or as soon as possible after it. Returns the
-/// start.
+/// Starts the first `count` set-points at `planned_us` of the board's clock, or as soon as possible afterwards. Returns
+/// the start.
 pub(super) fn start(recorder: &mut Recorder, count: usize, planned_us: u64) -> Result<u64, RecordError> {
     let mut start_us = planned_us;
     let mut lead_us = LEAD_US;

@@ -1,4 +1,4 @@
-//! The simulated robot behind the emulated board, whose unrounded state is recorded with the board's telemetry.
+//! The simulated robot behind the emulated board. Its unrounded state is recorded with the board's telemetry.
 
 use super::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
@@ -16,7 +16,7 @@ use study::run::Recorder;
 /// Sampling rate of the simulated robot.
 const RATE_HZ: f64 = 50.0;
 
-/// Interval at which samples are fetched. A killed recording loses this much more of the ground truth.
+/// Interval at which samples are fetched. A killed recording loses this much additional ground truth.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// Time without a frame, by the board's own clock, after which an emulated board is silent, s: a hundred frames.
@@ -33,7 +33,7 @@ pub struct SimulatedRobot {
 }
 
 impl SimulatedRobot {
-    /// Creates the robot of a plan, which `nano` was started with.
+    /// Creates the robot of a plan. `nano` must have been started with it.
     ///
     /// # Errors
     /// [`study::plan::PlanError`].
@@ -46,14 +46,14 @@ impl SimulatedRobot {
         Ok(Self { nano: Rc::new(RefCell::new(nano)), model, sensor })
     }
 
-    /// Opens the link to its board, which was started with `--speed exchange` and waits for this program.
+    /// Opens the link to its board, which must have been started with `--speed exchange` and waits for this program.
     ///
     /// # Errors
     /// [`LinkError`].
     pub fn lock_step(&self) -> Result<Link, LinkError> {
         let nano = Rc::clone(&self.nano);
         let port = nano.borrow().port().to_owned();
-        // How it failed is in the ground truth, which is fetched next.
+        // The ground truth, which is fetched next, contains the reason for a failure.
         let advance = move |bytes: &[u8]| nano.borrow_mut().exchange(bytes, SLICE_US).ok();
         Link::lock_step(&port, Box::new(advance))
     }
@@ -74,13 +74,13 @@ impl<'a> TruthRecorder<'a> {
         Self { robot, asked: Instant::now(), ahead: VecDeque::new(), silent_since_s: None }
     }
 
-    /// Notes that a frame has come.
+    /// Records that a frame has arrived.
     pub(super) fn hear(&mut self) {
         self.silent_since_s = None;
     }
 
-    /// Returns whether the board itself is silent, when no frame has come for a second: a busy computer may have kept the board
-    /// from running meanwhile.
+    /// Returns whether the board itself is silent after a second without a frame: a busy computer may have kept it from
+    /// running.
     pub(super) fn is_silent(&mut self) -> Result<bool, VirtualError> {
         let status = self.robot.nano.borrow_mut().control("status")?;
         let (Some("running"), Some(now_s)) = (status["state"].as_str(), status["seconds"].as_f64()) else {
@@ -114,7 +114,7 @@ impl<'a> TruthRecorder<'a> {
         while let Some(TruthSample { board_us, mut sample }) = self.ahead.pop_front() {
             // Samples without a time were taken before the board started.
             let Some(board_us) = board_us else { continue };
-            // The board's clock is that of its frames, modulo 2^32.
+            // The sample's board time is the clock of the frames, modulo 2^32.
             let later_us = i64::from(board_us.wrapping_sub(until_us as u32).cast_signed());
             if later_us > 0 {
                 self.ahead.push_front(TruthSample { board_us: Some(board_us), sample });

@@ -1,8 +1,8 @@
-//! Steers the robot on the rig: rest and calibration as for every trial, then a set-point twenty times a second, each made
-//! from the latest frame of the board.
+//! Steers the robot on the rig: rest and calibration as in every trial, then a set-point twenty times a second, each
+//! computed from the board's latest frame.
 //!
-//! The board has no schedule of its own meanwhile. Each intact frame from this computer restarts its deadline (0.5 s by
-//! default), so the motors stop if this program dies; if the pilot dies or is silent, this program stops them.
+//! The board has no schedule meanwhile. Each intact frame from this computer restarts its deadline (0.5 s by default),
+//! so the motors stop if this program dies; if the pilot dies or is silent, this program stops them.
 
 use super::recorder::{Frame, Recorder};
 use super::trial::{RigRun, RunContext, Said, calibrate, record};
@@ -17,29 +17,29 @@ use study::attitude::Columns;
 use study::plan::{Phase, TICK_US, Trial};
 use study::steer::{Measured, PERIOD_US, SetPoint, SteerError, Steering, Tally, Times};
 
-/// Longest wait for a pilot before the next frame is recorded: less than a tick.
+/// Longest wait for a pilot before recording the next frame: less than a tick.
 const ANSWER_WAIT: Duration = Duration::from_millis(4);
 
-/// Shortest rest whose slope tells the drift of the yaw better than the calibration, s.
+/// Shortest rest whose slope gives the drift of the yaw more accurately than the calibration, s.
 const SHORTEST_SLOPE_S: f64 = 5.0;
 
 /// Time after the calibration in which the board's filter still turns the yaw, s.
 const SETTLING_S: f64 = 5.0;
 
-/// Interval at which the figures are shown anew, on the board's clock, µs.
+/// Interval between updates of the figures, on the board's clock, µs.
 const FIGURES_US: u64 = 200_000;
 
 /// A steered run.
 #[derive(Debug)]
 pub struct SteeredRun {
-    /// As of every trial.
+    /// Results as for every trial.
     pub run: RigRun,
     /// Its steps.
     pub tally: Tally,
 }
 
-/// Steers a trial and writes its log to `path`. `settings` are those of the board. The motors are stopped and the log is
-/// closed in every case.
+/// Steers a trial and writes its log to `path`. `settings` are the board's settings. In every case, stops the motors
+/// and closes the log.
 ///
 /// # Errors
 /// [`LogError`] if the log cannot be started or completed.
@@ -77,7 +77,7 @@ pub fn steer(
     Ok(SteeredRun { run, tally })
 }
 
-/// The drift of the yaw at rest, since the board's clock at the zero of the yaw.
+/// The drift of the yaw at rest, and the board's clock at the zero of the yaw.
 #[derive(Clone, Copy, Debug)]
 struct DriftRate {
     dps: f64,
@@ -154,7 +154,7 @@ fn decay(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Result
     recorder.change(EventKind::Phase, Phase::End.name(), end_us)
 }
 
-/// A set-point on its way to the motors.
+/// A set-point sent to the motors.
 struct Sent {
     set_point: SetPoint,
     times: Times,
@@ -173,7 +173,7 @@ struct Course<'a, 'b> {
     begun_us: u64,
     /// When the next set-point is due.
     due_us: u64,
-    /// Times of the one that the pilot is making.
+    /// Times of the set-point that the pilot is computing.
     asked: Times,
     sent: Option<Sent>,
 }
@@ -197,7 +197,8 @@ impl Course<'_, '_> {
         self.end_sent()
     }
 
-    /// Gets the first set-point, with which the run begins. A policy may take long for it, and the motors are off meanwhile.
+    /// Gets the first set-point, with which the run begins. A policy may take long for it; the motors are off
+    /// meanwhile.
     fn begin(&mut self) -> Result<Frame, RecordError> {
         let mut frame = self.recorder.keep_next()?;
         let observed_us = frame.board_us;
@@ -220,12 +221,13 @@ impl Course<'_, '_> {
         Ok(frame)
     }
 
-    /// Takes a recorded frame: what is in force, what the pilot has answered, and whether the next set-point is due.
+    /// Handles a recorded frame: checks the set-point in force, the pilot's answer, and whether the next set-point is
+    /// due.
     fn follow(&mut self, frame: &Frame) -> Result<(), RecordError> {
         self.follow_sent(frame)?;
         if !self.steering.is_waiting() {
             let now_us = frame.board_us + TICK_US / 2;
-            // If others have arrived after it, this frame is not the latest.
+            // If more frames have arrived, this one is not the latest.
             if now_us < self.due_us || self.recorder.has_frame()? {
                 return Ok(());
             }
@@ -243,7 +245,7 @@ impl Course<'_, '_> {
         }
     }
 
-    /// Returns the pilot's set-point, if it has it. A board that waits for this program waits for the pilot, too.
+    /// Returns the pilot's set-point, if it is ready. A board that waits for this program also waits for the pilot.
     fn answer(&mut self) -> Result<Option<SetPoint>, RecordError> {
         loop {
             match self.steering.answer(ANSWER_WAIT)? {
@@ -261,7 +263,7 @@ impl Course<'_, '_> {
         Ok(())
     }
 
-    /// Looks whether the set-point that was sent is in force.
+    /// Checks whether the sent set-point is in force.
     fn follow_sent(&mut self, frame: &Frame) -> Result<(), RecordError> {
         let Some(sent) = &mut self.sent else { return Ok(()) };
         if let Some(answer) = sent.request.as_ref().and_then(|request| self.recorder.link.answer(request)) {
@@ -281,14 +283,14 @@ impl Course<'_, '_> {
         if sent.times.in_force_us.is_some() && sent.request.is_none() { self.end_sent() } else { Ok(()) }
     }
 
-    /// Records the set-point that was sent, whether it is in force or not.
+    /// Records the sent set-point, whether or not it is in force.
     fn end_sent(&mut self) -> Result<(), RecordError> {
         let Some(Sent { set_point, times, .. }) = self.sent.take() else { return Ok(()) };
         self.tally.add(&times);
         Ok(self.recorder.trial.set_point(&times, &set_point, SystemTime::now())?)
     }
 
-    /// Returns what the last recorded frame says about the robot.
+    /// Returns the robot's measured state from the last recorded frame.
     fn measured(&self, frame: &Frame) -> Measured {
         let [yaw_deg, pitch_deg, roll_deg] = self.recorder.readout().angles_deg();
         let drifted_s = frame.board_us.saturating_sub(self.drift.zero_us) as f64 * 1e-6;

@@ -1,7 +1,7 @@
 //! Waits until the robot is still: before a trial, and after its run.
 //!
-//! The board's schedule begins after the first wait, and is stopped after the second, so that both cost no more than the
-//! robot needs.
+//! The board's schedule starts after the first wait and is stopped after the second, so that neither takes longer than
+//! the robot needs.
 
 use super::RecordError;
 use super::recorder::Recorder;
@@ -11,13 +11,14 @@ use study::plan::{Phase, Phases, TICK_US, Trial, WAIT};
 use study::progress::Progress;
 use study::text::decimal;
 
-/// Interval at which the motion is judged, µs: a multiple of the interval between the shapes of a simulated robot, whose
-/// samples thus have the same times in every trial.
+/// Interval at which the motion is judged, µs. It is a multiple of the interval between the shapes of a simulated
+/// robot, so its samples have the same times in every trial.
 const CHECK_US: u64 = 500_000;
 const GRID_S: f64 = 0.1;
 
-/// Waits until the robot is still or the plan's longest wait is over, so that the calibration does not fall into a motion.
-/// Returns whether the trial has begun with a wait: a plan without a calibration and a pre-roll asks for no rest.
+/// Waits until the robot is still or the plan's longest wait is over, so that the calibration does not take place
+/// during a motion. Returns whether the trial has begun with a wait: a plan without a calibration and a pre-roll needs
+/// no rest.
 pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) -> Result<bool, RecordError> {
     let Phases { rest_at_most_s, calibrate_s, preroll_s, .. } = trial.phases;
     if rest_at_most_s == 0.0 || calibrate_s + preroll_s == 0.0 {
@@ -50,8 +51,8 @@ pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) 
     Ok(true)
 }
 
-/// Records the decay, which lasted from `begun_us` to `end_us` by the schedule, until the robot is still. Returns when it
-/// was; `None` if it was not before the end, or before a phase of the board that `is_over`.
+/// Records the decay, planned from `begun_us` to `end_us`, until the robot is still. Returns the time at which it was
+/// still; `None` if it was not before `end_us`, or before the board's phase satisfied `is_over`.
 pub(super) fn decay(
     recorder: &mut Recorder,
     progress: &Progress,
@@ -75,14 +76,14 @@ pub(super) fn decay(
     Ok(None)
 }
 
-/// Records until a time of the board's clock, or until its phase `ends`. Returns the phase.
+/// Records until a time of the board's clock, or until its phase satisfies `ends`. Returns the phase.
 fn record_until(recorder: &mut Recorder, until_us: u64, ends: impl Fn(u8) -> bool) -> Result<u8, RecordError> {
     let is_due = |board_us: u64| board_us + TICK_US / 2 >= until_us;
     let frame = recorder.record_until(|frame, _| is_due(frame.board_us) || ends(frame.telemetry.phase))?;
     Ok(frame.telemetry.phase)
 }
 
-/// Formats the bounds on the motion beside their limits.
+/// Formats the bounds on the motion with their limits.
 fn text(motion: &Motion) -> String {
     let rate = |name: &str, dps: f64, limit: f64| format!("{name} {} of {limit} °/s", decimal(dps, 2));
     format!("{}  {}", rate("yaw", motion.yaw_dps, STILL_YAW_DPS), rate("tilt", motion.tilt_dps, STILL_TILT_DPS))

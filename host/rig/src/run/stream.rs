@@ -24,7 +24,7 @@ pub(super) fn next_frame(link: &Link, interrupted: &AtomicBool) -> Result<Teleme
     }
 }
 
-/// Ends the telemetry and discards what has already arrived.
+/// Ends the telemetry and discards everything that has already arrived.
 ///
 /// # Errors
 /// As [`Link::command`].

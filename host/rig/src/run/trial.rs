@@ -1,4 +1,5 @@
-//! Runs one trial on the rig: waits until the robot is still, calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
+//! Runs one trial on the rig: waits until the robot is still, calibrates, sends the schedule of rest, run and decay to
+//! the board, and records the trial.
 
 use super::recorder::{Frame, Keep, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
@@ -15,12 +16,12 @@ use study::progress::Progress;
 use study::run::{self, Measured};
 use study::trial::{Angles, Finding};
 
-/// A trial that was run.
+/// The result of a trial.
 #[derive(Debug)]
 pub struct RigRun {
     /// The summary in its log.
     pub summary: Summary,
-    /// Its steady angles; `None` if there is no attitude in the run.
+    /// Its steady angles; `None` if the run has no attitudes.
     pub angles: Option<Angles>,
     /// Start and end of its run on the log's clock, s; `None` if its motors never ran.
     pub run_s: Option<[f64; 2]>,
@@ -28,7 +29,7 @@ pub struct RigRun {
     pub error: Option<RecordError>,
     /// Findings about it, also in its log.
     pub findings: Vec<Finding>,
-    /// What did not affect the data, but may be worth knowing.
+    /// Notes about things that did not affect the data.
     pub notes: Vec<String>,
 }
 
@@ -48,8 +49,8 @@ pub struct RunContext<'a> {
     pub robot: Option<&'a SimulatedRobot>,
 }
 
-/// Runs a trial and writes its log to `path`. `settings` are those of the board. The motors are stopped and the log is
-/// closed in every case.
+/// Runs a trial and writes its log to `path`. `settings` are the board's settings. In every case, stops the motors and
+/// closes the log.
 ///
 /// # Errors
 /// [`LogError`] if the log cannot be started or completed.
@@ -66,7 +67,7 @@ pub fn run(
     })
 }
 
-/// Records what `phases` does into a log at `path`. Whatever its outcome, the motors are stopped and the log is closed.
+/// Records the trial run by `phases` in a log at `path`. Whatever its outcome, stops the motors and closes the log.
 pub(super) fn record(
     context: &mut RunContext,
     path: &Path,
@@ -125,7 +126,7 @@ pub(super) fn record(
     Ok(RigRun { summary, angles, run_s, error, findings, notes: said.notes })
 }
 
-/// What the user is told at the end of a trial.
+/// Notes for the user at the end of a trial.
 #[derive(Default)]
 pub(super) struct Said {
     pub notes: Vec<String>,
@@ -134,25 +135,26 @@ pub(super) struct Said {
 /// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
 const SPEED_TOLERANCE_RPM: f64 = 3.0;
 
-/// Time after which the mean speed of a second is judged: the motors first make up the angle that their start cost.
+/// Time after which the mean speed over a second is judged, because the motors first catch up the angle lost at their
+/// start.
 const SETTLING_US: u64 = 3_000_000;
 
-/// A write or sync that takes longer is worth a note: if the power failed meanwhile, this much would be lost.
+/// A longer write or sync is worth a note: if the power failed meanwhile, this much would be lost.
 const SLOW_DISK: Duration = Duration::from_millis(500);
 
-/// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
+/// The gyroscope's calibration ends this long before its phase, to leave time for the requests that start the schedule.
 const CALIBRATION_MARGIN_S: f64 = 0.2;
 
-/// Shortest calibration that the board can do, s.
+/// Shortest possible calibration, s.
 const SHORTEST_CALIBRATION_S: f64 = 0.1;
 
-/// Tilt of the attitude, degrees, at which the board's filter has settled after a calibration, and the longest time that it
-/// gets, s: what one with a usual gain needs for a bias of 20 °/s.
+/// Remaining tilt, degrees, at which the board's filter counts as settled after a calibration, and the longest time
+/// allowed for it, s: a filter with a usual gain needs this for a bias of 20 °/s.
 const SETTLED_DEG: f64 = 0.02;
 const LONGEST_SETTLING_S: f64 = 7.0;
 
-/// Stops the motors and the stream, and records what came until then. If the link is gone, the board stops the motors at
-/// its deadline. Returns the outcome of the trial; `phases` is that of its phases.
+/// Stops the motors and the stream, and records everything received until then. If the link is gone, the board stops
+/// the motors at its deadline. Returns the outcome of the trial; `phases`: the outcome of its phases.
 fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool) -> Result<(), RecordError> {
     let link = recorder.link;
     if !writable {
@@ -176,7 +178,7 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
     first_failure(outcome, recorder.drain(keep))
 }
 
-/// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this follows them.
+/// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this function follows them.
 fn phases(
     recorder: &mut Recorder,
     context: &mut RunContext,
@@ -196,7 +198,7 @@ fn phases(
     let waits = still::wait(recorder, context.progress, trial)?;
     let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
-        // Before the start: a refusal must not come after motors that turn.
+        // Before the start: a refusal must come before the motors turn.
         let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
         let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;
@@ -270,10 +272,10 @@ fn is_after_decay(phase: u8) -> bool {
     phase != Phase::Decay.number()
 }
 
-/// Interval at which the figures of a trial are shown anew, on the board's clock, µs.
+/// Interval between updates of a trial's figures, on the board's clock, µs.
 const FIGURES_US: u64 = 200_000;
 
-/// Records until the frame for which `ends` returns true, showing the progress and the latest figures.
+/// Records until `ends` returns `true` for a frame, showing the progress and the latest figures.
 fn record_until(
     recorder: &mut Recorder,
     context: &RunContext,
@@ -302,8 +304,8 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), Re
     Ok(())
 }
 
-/// Calibrates the gyroscope, and checks the result by [`preflight::at_rest`]. `turns`: whether the motors will. Returns the time from
-/// the begin of the phase until the board's filter has settled, s.
+/// Calibrates the gyroscope, and checks the result with [`preflight::at_rest`]. `turns`: whether the motors will turn.
+/// Returns the time from the start of the phase until the board's filter has settled, s.
 pub(super) fn calibrate(
     recorder: &mut Recorder,
     context: &RunContext,
@@ -324,21 +326,21 @@ pub(super) fn calibrate(
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
     let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
-    // A sensor that is turned by hand may lie anyhow.
+    // A sensor turned by hand may lie in any position.
     rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
     let planned = (duration_s * f64::from(TICK_HZ)) as u16;
     preflight::at_rest(&calibration, planned, rest, clock.as_ref(), recorder.link.path())?;
     Ok(phase_s + settling_s(settings, &calibration))
 }
 
-/// Returns the time in which the board's filter forgets the bias that it had before a calibration, whole tenths of a second:
-/// until then the attitude is tilted by the change of the bias over the filter's gain.
+/// Returns the time that the board's filter needs to forget its bias from before a calibration, in whole tenths of a
+/// second. Until then the attitude is tilted by the change of the bias divided by the filter's gain.
 fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
     let changes = calibration.bias.iter().zip(settings.gyro_bias).map(|(now, before)| (now - before).powi(2));
     let change_dps = changes.sum::<f32>().sqrt() / settings.gyro_range.counts_per_dps();
     let tilt_deg = f64::from(change_dps / settings.attitude_kp);
     let settles_s = (tilt_deg / SETTLED_DEG).ln() / f64::from(settings.attitude_kp);
-    // A change of nothing settles at once; a filter without a gain never does.
+    // Without a change it settles at once; a filter without a gain never settles.
     let settles_s = if settles_s > 0.0 { settles_s.min(LONGEST_SETTLING_S) } else { 0.0 };
     (settles_s * 10.0).ceil() / 10.0
 }

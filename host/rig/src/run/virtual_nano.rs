@@ -18,13 +18,13 @@ use thiserror::Error;
 /// Name of the board's program.
 const PROGRAM: &str = "vnano";
 
-/// Longest wait for a response. The program answers within milliseconds, unless it is stopped, or the computer is busy.
+/// Longest wait for a response. The program answers within milliseconds, unless it is stopped or the computer is busy.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Longest wait for a response while the program waits for a processor or the disk.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Longest wait for the start of the program, which reads the image, and for its end.
+/// Longest waits for the program to start, which includes reading the image, and to end.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
 const END_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -60,19 +60,19 @@ pub enum VirtualError {
 pub struct TruthSample {
     /// The board's clock, µs modulo 2^32; `None` before the board has started.
     pub board_us: Option<u32>,
-    /// The state; its time is counted from power-on of the board.
+    /// The state. Its time is counted from the board's power-on.
     pub sample: Sample,
 }
 
 /// A movement of the emulated hand that holds the sensor. Times are the board's, from its power-on.
 #[derive(Clone, Copy, Deserialize, PartialEq, Debug)]
 pub struct HandMovement {
-    /// Begin; movements before this one are waited for.
+    /// Start of the movement, after all earlier ones.
     pub begin_s: f64,
-    /// End.
+    /// End of the movement.
     pub end_s: f64,
-    /// Error of the stop: the rotation vector from the nominal attitude to the real one, body axes. Errors of several
-    /// movements do not add up.
+    /// Error of the stop: the rotation vector from the nominal attitude to the real one, body axes. Errors of
+    /// successive movements do not add up.
     pub off_deg: [f64; 3],
 }
 
@@ -81,7 +81,7 @@ pub struct HandMovement {
 pub struct VirtualNano {
     child: Child,
     control: Option<ChildStdin>,
-    /// The lines that the program prints, from a thread of its own: a program that is stopped must not stop this one.
+    /// The lines that the program prints, read by a separate thread: a stopped program must not block this one.
     answers: Receiver<String>,
     port: String,
     sensor: SensorMeta,
@@ -115,7 +115,7 @@ impl VirtualNano {
         };
         nano.port = port.to_owned();
         nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
-        // Later warnings of the program go to this program's standard error, so that the pipe does not fill up.
+        // Later warnings of the program go to this program's standard error, so the pipe does not fill up.
         if let Some(stderr) = nano.child.stderr.take() {
             std::thread::spawn(move || {
                 BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
@@ -136,8 +136,8 @@ impl VirtualNano {
         &self.sensor
     }
 
-    /// Turns the sensor as by hand about its body axis `x`, `y` or `z`, within `length_s` of the board's time. Returns at
-    /// once. Only a board without robot and recording has a hand.
+    /// Turns the sensor, as if by hand, about its body axis `x`, `y` or `z`, within `length_s` of the board's time.
+    /// Returns immediately. Only a board without robot and recording has a hand.
     ///
     /// # Errors
     /// As [`VirtualNano::control`].
@@ -145,8 +145,8 @@ impl VirtualNano {
         self.move_by_hand(&format!("turn {axis} {angle_deg} {length_s}"))
     }
 
-    /// Turns the sensor as by hand into a pose, within `length_s` of the board's time. `pose` is the body axis that is to
-    /// point up, such as `+x` or `-z`, or the quaternion `W,X,Y,Z` from body axes to the world's. Returns at once.
+    /// Turns the sensor, as if by hand, into a pose, within `length_s` of the board's time. `pose` is the body axis to
+    /// point up, such as `+x` or `-z`, or the quaternion `W,X,Y,Z` from body axes to the world's. Returns immediately.
     ///
     /// # Errors
     /// As [`VirtualNano::control`].
@@ -154,8 +154,8 @@ impl VirtualNano {
         self.move_by_hand(&format!("pose {pose} {length_s}"))
     }
 
-    /// Sets the errors of the hand in later movements: standard deviation of the stops, and amplitude of the sway on the
-    /// way, both about each body axis.
+    /// Sets the errors of the hand in later movements: the standard deviation of the stops, and the amplitude of the
+    /// sway on the way, both about each body axis.
     ///
     /// # Errors
     /// As [`VirtualNano::control`].
@@ -192,7 +192,7 @@ impl VirtualNano {
             .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
     }
 
-    /// Sends bytes to a board that was started with `--speed exchange`, lets so many µs of its time pass, and returns what it
+    /// Sends bytes to a board started with `--speed exchange`, advances it by `time_us`, and returns the bytes that it
     /// sent.
     ///
     /// # Errors
@@ -219,7 +219,7 @@ impl VirtualNano {
             answer = self.hear(TIMEOUT);
         }
         let Some(answer) = answer else {
-            // An answer that comes late would be taken for that of the next command.
+            // A late answer would be taken for the answer to the next command.
             self.control = None;
             return Err(gone());
         };
@@ -241,7 +241,7 @@ impl VirtualNano {
         found.ok_or(VirtualError::NotBuilt(beside))
     }
 
-    /// Returns whether the program would go on, but waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
+    /// Returns whether the program only waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
     fn is_held_up(&self) -> bool {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
         // The name of the program before it may contain spaces and parentheses.
@@ -249,7 +249,7 @@ impl VirtualNano {
         matches!(state, Some("R" | "D"))
     }
 
-    /// Waits for a response; `None` if none comes in time or the program has ended.
+    /// Waits for a response; returns `None` if none arrives in time or the program has ended.
     fn hear(&mut self, timeout: Duration) -> Option<Value> {
         serde_json::from_str(&self.answers.recv_timeout(timeout).ok()?).ok()
     }
@@ -272,7 +272,7 @@ impl Drop for VirtualNano {
         while matches!(self.child.try_wait(), Ok(None)) && begun.elapsed() < END_TIMEOUT {
             std::thread::sleep(Duration::from_millis(5));
         }
-        // One that is stopped does not end by itself.
+        // A stopped program does not end by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

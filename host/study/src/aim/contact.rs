@@ -8,7 +8,7 @@ use super::table::{Table, distance};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Accuracy of the speeds of a change of contact, rpm.
+/// Final bracket width of a change of contact, rpm.
 const RESOLUTION: f64 = 4.0;
 
 /// The nearest change of contact.
@@ -33,7 +33,8 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
     let away = distance(other.rpm, rpm);
     let along = |far: f64| on_board([0, 1].map(|k| rpm[k] + (other.rpm[k] - rpm[k]) * far / away));
     let differs = |far: f64| differs(model, along(far), state.touches());
-    // In the table nothing nearer than a row differs. That is verified at the end, and only where nothing else has shown it.
+    // No row nearer than `other` differs. The model verifies this at the end, unless the search has already confirmed a
+    // nearer bound.
     let mut same = (away - 1.5 * table.spacing_rpm()).max(0.0);
     let mut is_verified = same == 0.0;
     let mut changed = away;

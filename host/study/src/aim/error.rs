@@ -53,7 +53,7 @@ pub enum AimError {
         /// Number of rows.
         rows: usize,
     },
-    /// The model of the robot fails at all speeds that were tried.
+    /// The model of the robot fails at all speeds tried.
     #[error("the model of this robot has no steady state at {} and {} rpm", rpm[0], rpm[1])]
     Model {
         /// The speeds.
@@ -61,10 +61,10 @@ pub enum AimError {
         /// Why.
         source: SolveError,
     },
-    /// The user has ended it.
+    /// The user has interrupted the search.
     #[error("interrupted")]
     Interrupted,
-    /// The model has not answered in time. [`aim`](super::aim()) does not return it: it says what it has.
+    /// The model has not answered in time. [`aim`](super::aim()) reports its best result so far instead.
     #[error("the time was over")]
     TimeOver,
 }

@@ -2,9 +2,9 @@
 //! derivatives.
 //!
 //! An evaluation of the model takes a tenth of a second or more and has an error of some hundredths of a degree, so
-//! finite differences would take most of the time. The derivatives start with those of the table, and each evaluation
-//! corrects them (Broyden 1965, Math. Comput. 19, 577). The crate `levenberg-marquardt`, with which parameters are
-//! fitted, needs derivatives at every point and has no bounds.
+//! finite differences would take most of the time. The derivatives start from the table's, and each evaluation corrects
+//! them (Broyden 1965, Math. Comput. 19, 577). The crate `levenberg-marquardt`, which fits the parameters, needs
+//! derivatives at every point and has no bounds.
 
 use super::error::AimError;
 use super::quantity::Attitude;
@@ -14,11 +14,12 @@ use protocol::units::CentiRpm;
 
 /// Largest step of a speed at first, rpm.
 const FIRST_STEP: f64 = 20.0;
-/// Smallest step that is tried, rpm.
+/// Smallest step tried, rpm.
 const LAST_STEP: f64 = 0.05;
 /// Most evaluations of the model in a search.
 pub const VALUES: usize = 9;
-/// Length of a step of which an update corrects the derivatives by half, rpm: the differences over much shorter ones are errors.
+/// Step length at which an update corrects the derivatives by half, rpm: the differences over much shorter steps are
+/// mostly errors.
 const TELLING_STEP: f64 = 0.5;
 /// Smallest predicted improvement of a step: in degrees, and as a share of the error.
 const GAIN: [f64; 2] = [0.03, 0.01];
@@ -38,12 +39,12 @@ pub struct Best<T> {
     pub is_cut_short: bool,
 }
 
-/// What is asked for, and how nearly.
+/// The target, and how closely to reach it.
 #[derive(Clone, Copy, Debug)]
 pub struct Goal<'a> {
-    /// What is asked for.
+    /// The target.
     pub target: &'a Target,
-    /// The thrust that counts as much as a degree, N.
+    /// The thrust error that counts as much as one degree, N.
     pub thrust_step_n: f64,
     /// Error of all values below which the search ends, degrees.
     pub close: f64,
@@ -65,7 +66,7 @@ struct Point<T> {
 /// given speeds, and data for the caller.
 ///
 /// # Errors
-/// Those of `value` at the start; elsewhere only [`AimError::Interrupted`]. Where the time is over, the search ends.
+/// Any error of `value` at the start; later only [`AimError::Interrupted`]. If the time is over, the search ends.
 pub fn improve<T>(
     goal: Goal,
     start: [f64; 2],
@@ -100,7 +101,7 @@ pub fn improve<T>(
                 is_cut_short = true;
                 break;
             }
-            // The model fails there: nearer by.
+            // The model fails there: try a shorter step.
             Err(_) => {
                 longest = 0.5 * taken.amax();
                 continue;
@@ -119,13 +120,13 @@ pub fn improve<T>(
     Ok(Best { rpm: best.rpm, error, state: best.state, derivatives, is_cut_short })
 }
 
-/// Returns the nearest speeds that a board can turn at, rpm.
+/// Returns the nearest speeds that the board can set, rpm.
 pub fn on_board(rpm: [f64; 2]) -> [f64; 2] {
     let limit = CentiRpm::LIMIT.rpm();
     rpm.map(|rpm| CentiRpm::from_rpm(rpm.clamp(-limit, limit)).rpm())
 }
 
-/// Returns the least and the largest change of each speed: of at most `longest`, and to speeds of the board.
+/// Returns the smallest and largest change of each speed: at most `longest`, and within the board's range.
 fn bounds(rpm: [f64; 2], longest: f64) -> [[f64; 2]; 2] {
     let limit = CentiRpm::LIMIT.rpm();
     rpm.map(|rpm| [(-limit - rpm).max(-longest), (limit - rpm).min(longest)])
@@ -144,7 +145,7 @@ fn step(derivatives: &DMatrix<f64>, misses: &DVector<f64>, bounds: [[f64; 2]; 2]
     if (0..2).all(|k| free[k] >= bounds[k][0] && free[k] <= bounds[k][1]) {
         return free;
     }
-    // A least square beyond the bounds has its least within them on one of the four sides.
+    // If the minimum lies outside the bounds, the minimum within them is on one of the four sides.
     let mut least = ([0.0; 2], misses.norm());
     for k in 0..2 {
         for side in bounds[k] {

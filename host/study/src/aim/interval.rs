@@ -1,12 +1,13 @@
 //! Intervals of a predicted attitude, from the starting phase of the flagella, the covariance of the fitted parameters, and
 //! the errors of the model and of the solver.
 //!
-//! Phases: at speeds where the phase matters ([`sim::steady::phase`]), the model is evaluated at several phases. A steady angle
-//! changes with the phase nearly as a sine, whose extremes may lie between these phases.
+//! Phases: at speeds where the phase matters ([`sim::steady::phase`]), the model is evaluated at several phases. A
+//! steady angle varies with the phase nearly as a sine, and its extremes may lie between these phases.
 //!
 //! Parameters: linear propagation of their covariance, with Student's quantile for the effective degrees of freedom (GUM,
-//! G.2b). The half width of the 95 % interval that follows, the model's error ([`sim::accuracy`]) and the solver's add up
-//! as squares. A fit absorbs a part of the model's error; how much at other speeds is not known, so the whole counts.
+//! G.2b). The half width of the resulting 95 % interval, the model's error ([`sim::accuracy`]) and the solver's error
+//! add in quadrature. A fit absorbs part of the model's error, but an unknown part at other speeds, so the whole error
+//! counts.
 
 use super::error::AimError;
 use super::known::Known;
@@ -25,19 +26,20 @@ const CHANGE: f64 = 0.02;
 /// Error of the solver in steady angles, degrees: solutions with tolerances of 0.02 and 0.001 differ by no more.
 const SOLVER_DEG: f64 = 0.1;
 
-/// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so. What the model has not
-/// answered in time is `None`.
+/// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so. Parts that the
+/// model has not computed in time are `None`.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Interval {
-    /// Of the yaw: lower and upper bound.
+    /// Interval of the yaw: lower and upper bound.
     pub yaw_ci_deg: Option<[f64; 2]>,
-    /// Of the pitch.
+    /// Interval of the pitch.
     pub pitch_ci_deg: Option<[f64; 2]>,
-    /// Of the roll.
+    /// Interval of the roll.
     pub roll_ci_deg: Option<[f64; 2]>,
-    /// Largest minus smallest yaw, pitch and roll of the starting phases; extremes between them are in the intervals alone.
+    /// Largest minus smallest yaw, pitch and roll of the starting phases. Only the intervals include extremes between
+    /// them.
     pub phase_spread_deg: Option<[f64; 3]>,
-    /// Standard errors of yaw, pitch and roll from those of the parameters.
+    /// Standard errors of yaw, pitch and roll, propagated from the parameters.
     pub std_error_deg: Option<[f64; 3]>,
     /// Error of the model in yaw, pitch and roll; `None` if the robot was fitted to a simulation.
     pub model_error_deg: Option<[f64; 3]>,
@@ -46,8 +48,8 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Returns the interval about a steady state of the model at starting angles of zero, and about `trial`, the attitude at the
-    /// end of a whole trial at the same speeds.
+    /// Returns the interval that contains a steady state of the model at starting angles of zero, and `trial`, the
+    /// attitude at the end of a whole trial at the same speeds.
     ///
     /// # Errors
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
@@ -94,7 +96,7 @@ impl Interval {
         })
     }
 
-    /// Returns what is known about the attitude at the end of a trial without asking the model again.
+    /// Returns the known parts for the attitude at the end of a trial, without evaluating the model again.
     pub fn unknown(known: &Known, trial: &Attitude) -> Self {
         Self {
             yaw_ci_deg: None,
@@ -108,8 +110,8 @@ impl Interval {
     }
 }
 
-/// Returns the minimum and the maximum of a value that was sampled evenly over its period. Extremes between samples are
-/// those of its first harmonic.
+/// Returns the minimum and the maximum of a value sampled evenly over its period. Its first harmonic gives the extremes
+/// between samples.
 fn range(samples: &[f64]) -> [f64; 2] {
     let low = samples.iter().copied().fold(f64::INFINITY, f64::min);
     let high = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -128,15 +130,15 @@ fn range(samples: &[f64]) -> [f64; 2] {
 
 /// A robot with one parameter changed.
 struct Change {
-    /// Place of the parameter in the fit.
+    /// Index of the parameter in the fit.
     parameter: usize,
     robot: Robot,
     /// The change, in the unit of the parameter.
     by: f64,
 }
 
-/// Returns the robot with each fitted parameter increased by [`CHANGE`]: those that are single numbers of its file. The
-/// angles of the flagella are not: the intervals hold for all of them.
+/// Returns one robot per fitted parameter, with that parameter increased by [`CHANGE`]. Only single numbers in the
+/// robot file count: the intervals hold for all angles of the flagella.
 fn changes(robot: &Robot, fit: &Fit) -> Vec<Change> {
     let changed = |(parameter, key): (usize, &String)| {
         let mut whole = toml::Value::try_from(robot).ok()?;
@@ -201,7 +203,7 @@ mod tests {
             short_of_minimum: Vec::new(),
             temperature_c: Some(20.0),
             degrees_of_freedom: 1.0,
-            // The trials have determined the ratio alone.
+            // The trials have determined only the ratio.
             covariance: vec![
                 vec![0.01 * viscosity * viscosity, 0.99 * product],
                 vec![0.99 * product, 0.01 * tether * tether],

@@ -1,4 +1,4 @@
-//! What is known about the parameters of the robot, and why no confidence can be stated for what follows from it.
+//! What is known about the robot's parameters, and why no confidence can be stated for predictions made with them.
 
 use crate::plan::{Fit, FittedParameter, FittedTo};
 use crate::twin::calibrate::MAX_FACTOR;
@@ -7,15 +7,15 @@ use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 
-/// The confidence of the intervals where one can be stated.
+/// The confidence of the intervals, if it can be stated.
 const CONFIDENCE: f64 = 0.95;
 
 /// What is known about a robot.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Known {
-    /// The fit of its parameters; `None` for a robot that nobody has fitted.
+    /// The fit of its parameters; `None` for a robot that was not fitted.
     pub fit: Option<Fit>,
-    /// The model's error; `None` for a robot that was fitted to a simulation, which has none.
+    /// The model's error; `None` for a robot fitted to a simulation, which has no such error.
     pub model_error: Option<ModelError>,
     /// Why no confidence can be stated.
     pub doubts: Vec<Doubt>,
@@ -31,7 +31,7 @@ pub struct Doubt {
 }
 
 impl Known {
-    /// Returns what the file of a robot says about it.
+    /// Returns what the robot's file says about its parameters.
     pub fn new(robot: &Robot, fit: Option<Fit>) -> Self {
         let is_simulated = fit.as_ref().is_some_and(|fit| fit.fitted_to == FittedTo::Simulation);
         let model_error = (!is_simulated).then(|| ModelError::of(robot));
@@ -42,7 +42,7 @@ impl Known {
         Self { fit, model_error, doubts }
     }
 
-    /// Returns the confidence of the intervals; `None` where it cannot be stated.
+    /// Returns the confidence of the intervals; `None` if it cannot be stated.
     pub fn confidence(&self) -> Option<f64> {
         self.doubts.is_empty().then_some(CONFIDENCE)
     }
@@ -77,7 +77,7 @@ fn doubts(robot: &Robot, fit: &Fit) -> Vec<Doubt> {
             "the fit has not reached its minimum in {names}: fit again with `biflag calibrate --robot` from this file"
         ));
     }
-    // An angle of the flagella is not needed: the intervals hold for all of them.
+    // The angles of the flagella are not needed: the intervals hold for all angles.
     let is_unknown = |parameter: &&FittedParameter| {
         let [low, high] = parameter.interval_95;
         parameter.unit != "deg" && !(low > 0.0 && high / low < MAX_FACTOR.powi(2))

@@ -1,13 +1,13 @@
 //! Finds motor speeds for an attitude: the inverse of a robot's map.
 //!
-//! A [`Table`] gives initial speeds: the built-in map of the robot `physical`, or that of a sweep. The model of the
-//! robot refines them (`improve`), first by its steady states and then by whole trials. Every returned attitude is that at
-//! the end of a whole trial of the model at the returned speeds, never a value of the table. So the table of another robot
-//! costs time, but not accuracy.
+//! A [`Table`] gives initial speeds: the built-in map of the robot `physical`, or the table of a sweep. The model of
+//! the robot refines them (`improve`), first by its steady states and then by whole trials. Every returned attitude is
+//! the final attitude of a whole trial of the model at the returned speeds, never a value of the table. So the table of
+//! another robot costs time, but not accuracy.
 //!
 //! All pairs of speeds that the table gives for the attitude are refined. Where the flagella touch, a trial takes up to a
-//! hundred times as long as elsewhere, and the attitude may depend on the speeds irregularly: these pairs come last. A search
-//! has a time; when it is over, the answer is what is known by then, and names what is not ([`Aimed::unfinished`],
+//! hundred times as long as elsewhere, and the attitude may depend on the speeds irregularly: these pairs come last. A
+//! search has a time limit. After it, the result is partial, and lists the missing parts ([`Aimed::unfinished`],
 //! [`Solution::unknown`]).
 
 mod contact;
@@ -49,19 +49,19 @@ pub const REACHED: f64 = 0.5;
 const GOOD: f64 = 0.3;
 /// Error of steady states below which they are near enough for whole trials, degrees.
 const CLOSE: f64 = 0.1;
-/// Speeds of the table whose error is below this, degrees, are refined with the model.
+/// The model refines speeds of the table with an error below this, degrees.
 const WORTH: f64 = 5.0;
-/// Speeds whose error in the table exceeds the least one by this, degrees, are refined after the others.
+/// Speeds are refined after the others if their error in the table exceeds the smallest one by more than this, degrees.
 const LIKELY: f64 = 1.0;
 /// Largest number of initial speeds to refine.
 const STARTS: usize = 4;
-/// Most trials from the same initial speeds where the flagella touch.
+/// Most trials from the same initial speeds if the flagella touch.
 const TRIALS: usize = 5;
 /// Speeds closer than this count as the same, rpm.
 const APART: f64 = 4.0;
 /// Difference of speeds for derivatives of the model, rpm.
 const DIFFERENCE: f64 = 2.0;
-/// Share of the time for the speeds. The rest is for the intervals and the changes of contact.
+/// Share of the time limit for the speeds. The rest is for the intervals and the changes of contact.
 const FOR_SPEEDS: f64 = 0.75;
 
 /// Speeds and their steady state in the model.
@@ -75,14 +75,14 @@ pub struct Solution {
     /// Intervals of the angles.
     #[serde(flatten)]
     pub interval: Interval,
-    /// Largest error of the wanted angles.
+    /// Largest error of the target's angles.
     pub error_deg: f64,
-    /// Error of the thrust, if it is wanted.
+    /// Error of the thrust, if it is a target.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_n: Option<f64>,
     /// Where the flagella begin or cease to touch.
     pub contact_change: Option<ContactChange>,
-    /// What the model has not answered in time; its values are `None`.
+    /// Parts that the model has not computed in time; their values are `None`.
     pub unknown: Vec<Unknown>,
 }
 
@@ -96,7 +96,7 @@ pub enum Unknown {
     ContactChange,
 }
 
-/// Speeds that the table gives, with its attitude there.
+/// Speeds from the table, with the table's attitude there.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Proposal {
     /// Speed of flagellum 1.
@@ -111,18 +111,18 @@ pub struct Proposal {
 /// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
-    /// Whether solutions were found. A search from a table may miss some: other speeds may still reach the attitude.
+    /// Whether solutions were found. A search from a table may miss some, so other speeds may still reach the attitude.
     pub reachable: bool,
-    /// Confidence of the intervals; `None` where it cannot be stated.
+    /// Confidence of the intervals; `None` if it cannot be stated.
     pub confidence: Option<f64>,
-    /// Why it cannot.
+    /// Reasons for no confidence.
     pub doubts: Vec<Doubt>,
     /// Speeds at which the target is met, the nearest first.
     pub solutions: Vec<Solution>,
     /// The nearest attitude of a whole trial, if there is no solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearest: Option<Solution>,
-    /// Speeds for which the time was too short: whether the target is met near them is unknown.
+    /// Speeds that were not refined in time: the target may or may not be met near them.
     pub unfinished: Vec<Proposal>,
 }
 
@@ -137,9 +137,9 @@ impl Aimed {
 /// Speeds to refine.
 struct Start {
     rpm: [f64; 2],
-    /// Whether the error in the table is more than the least one by more than [`LIKELY`].
+    /// Whether the error in the table exceeds the smallest one by more than [`LIKELY`].
     is_unlikely: bool,
-    /// Share of the time in which the flagella touch by the table.
+    /// Share of the time in which the flagella touch, from the table.
     contact_share: f64,
 }
 
@@ -163,10 +163,10 @@ struct Found {
     steady: Option<State>,
 }
 
-/// Finds speeds for a target within a time. `known`: what is known about the robot's parameters.
+/// Finds speeds for a target within the time `longest`. `known`: what is known about the robot's parameters.
 ///
 /// # Errors
-/// [`AimError::Model`] if the model fails wherever it was tried, and [`AimError::Interrupted`].
+/// [`AimError::Model`] if the model fails at all speeds tried, and [`AimError::Interrupted`].
 pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest: Duration) -> Result<Aimed, AimError> {
     let begun = Instant::now();
     let until = |share: f64| Model { until: begun.checked_add(longest.mul_f64(share)), ..*model };
@@ -228,7 +228,7 @@ fn proposal(table: &Table, rpm: [f64; 2]) -> Proposal {
     Proposal { w1_rpm: rpm[0], w2_rpm: rpm[1], attitude: table.about(rpm).at(rpm) }
 }
 
-/// Returns speeds that meet the target in the table, or come near, those to refine first at the front.
+/// Returns speeds that meet the target in the table, or come near it, in the order in which to refine them.
 fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
     let goal = Goal { close: CLOSE, ..goal };
     let in_table = |row: [f64; 2]| {
@@ -256,8 +256,8 @@ fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Fou
     let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
     let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
     if start.touches() {
-        // By trials alone: steady states often take as long there. The attitude scatters from one pair of speeds to the next, so
-        // a solution is not improved further.
+        // Only by trials, because steady states often take as long there. The attitude scatters from one pair of speeds
+        // to the next, so a solution is not improved further.
         let goal = Goal { close: REACHED, values: TRIALS, ..goal };
         return Ok(Found { trial: improve(goal, start.rpm, derivatives, by_trial)?, steady: None });
     }
@@ -265,7 +265,7 @@ fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Fou
     let steady = improve(Goal { close: CLOSE, ..goal }, start.rpm, derivatives, by_steady)?;
     let mut trial = improve(goal, steady.rpm, steady.derivatives, by_trial)?;
     if trial.error > REACHED && !trial.state.touches() && !trial.is_cut_short {
-        // The derivatives of the table may be those of another robot.
+        // The table's derivatives may belong to another robot.
         let by_own = own_derivatives(model, goal, &trial.state).and_then(|own| improve(goal, trial.rpm, own, by_trial));
         match by_own {
             Ok(again) if again.error < trial.error => trial = again,

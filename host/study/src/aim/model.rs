@@ -20,7 +20,7 @@ pub const TRIAL_S: f64 = 120.0;
 /// Number of starting phases to evaluate at speeds where the phase matters.
 const PHASES: usize = 4;
 
-/// Rate at which a trial is looked at, 1/s of simulated time.
+/// Rate at which a trial is checked, 1/s of simulated time.
 const CHECK_HZ: f64 = 0.5;
 
 /// A robot with the caller's callbacks.
@@ -28,11 +28,11 @@ const CHECK_HZ: f64 = 0.5;
 pub struct Model<'a> {
     /// The robot, checked.
     pub robot: &'a Robot,
-    /// Inverses that its trials share.
+    /// Inverses shared by its trials.
     pub at_rest: &'a InversesAtRest,
-    /// Returns whether to go on; `false` is the user's wish.
+    /// Returns whether to go on, or `false` after an interruption by the user.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
-    /// When it has to answer, if it has to.
+    /// Deadline for the model's answers, if there is one.
     pub until: Option<Instant>,
     /// Is called after each steady state.
     pub solved: &'a (dyn Fn() + Sync),
@@ -48,11 +48,11 @@ pub struct State {
     /// Its attitude and thrust.
     #[serde(flatten)]
     pub attitude: Attitude,
-    /// Whether it repeats.
+    /// Whether the motion repeats.
     pub kind: Kind,
-    /// Whether the flagella are apart, touch, or are wound round each other at some time.
+    /// Whether the flagella stay apart, touch, or wind round each other at some time.
     pub contact: Bundling,
-    /// Share of the time in which they touch.
+    /// Share of the time in which the flagella touch.
     pub contact_share: f64,
     /// Smallest gap between their surfaces.
     pub min_gap_m: f64,
@@ -96,7 +96,7 @@ impl Model<'_> {
         }
     }
 
-    /// Returns the steady state at these speeds, of motors that start at these angles (deg).
+    /// Returns the steady state at these speeds, with motors that start at these angles (deg).
     ///
     /// # Errors
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
@@ -104,7 +104,7 @@ impl Model<'_> {
         self.of(self.robot, rpm, start_deg)
     }
 
-    /// The same for another robot.
+    /// Like [`at`](Self::at), for another robot.
     pub fn of(&self, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
         let start_rad = start_deg.map(f64::to_radians);
         let problem = Problem {
@@ -122,8 +122,8 @@ impl Model<'_> {
         Ok(State::of(rpm, kind, &summary))
     }
 
-    /// Returns the state at the end of a whole trial at these speeds, of motors that start at angles of zero. Its contact is
-    /// that of the whole trial.
+    /// Returns the state at the end of a whole trial at these speeds, with motors that start at angles of zero. The
+    /// contact refers to the whole trial.
     ///
     /// # Errors
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
@@ -132,8 +132,8 @@ impl Model<'_> {
         Ok(State::of(rpm, Kind::of_trial(&summary.steady), &summary))
     }
 
-    /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
-    /// whose steps take most of the time, or when its means are known.
+    /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at the first contact,
+    /// because steps in contact take most of the time, or when its means are known.
     ///
     /// # Errors
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
@@ -153,7 +153,7 @@ impl Model<'_> {
         Ok(summary.first_contact_s.is_some())
     }
 
-    /// Returns the results of a trial that runs to its end or as long as `goes_on`.
+    /// Returns the results of a trial that runs to its end, or until `goes_on` returns `false`.
     fn run(
         &self,
         rpm: [f64; 2],
@@ -178,7 +178,7 @@ impl Model<'_> {
     }
 }
 
-/// Returns the starting angles (deg) at which speeds are evaluated: zero first, and alone where the phase does not
+/// Returns the starting angles (deg) at which to evaluate these speeds: zero first, and only zero if the phase does not
 /// matter.
 pub fn starts(rpm: [f64; 2]) -> Vec<[f64; 2]> {
     phase::starts(rpm, if Ratio::of(rpm).is_some() { PHASES } else { 1 })

@@ -1,4 +1,4 @@
-//! Speeds for an attitude by a table alone, without the model: the start of a search, and the feed-forward of a controller.
+//! Speeds for an attitude from a table, without the model: the start of a search, and the feed-forward of a controller.
 
 use super::error::AimError;
 use super::improve::{Goal, VALUES};
@@ -8,7 +8,7 @@ use super::target::Target;
 use super::{CLOSE, Start, propose};
 use nalgebra::DMatrix;
 
-/// Largest change of the speeds for a degree with which a controller corrects an attitude, rpm.
+/// Largest change of the speeds with which a controller corrects an attitude by one degree, rpm.
 pub const STEEPEST_RPM: f64 = 40.0;
 
 /// The speeds of a table that come nearest to a target.
@@ -16,20 +16,20 @@ pub const STEEPEST_RPM: f64 = 40.0;
 pub struct Nearest {
     /// The speeds.
     pub rpm: [f64; 2],
-    /// The attitude at these speeds by the table.
+    /// The table's attitude at these speeds.
     pub attitude: Attitude,
-    /// Largest error of a wanted angle, degrees.
+    /// Largest error of the target's angles, degrees.
     pub error_deg: f64,
     /// Share of the time in which the flagella touch at the nearest speeds of the table.
     pub contact_share: f64,
-    /// Derivatives of the wanted values with respect to the speeds, 1/rpm, one row a quantity.
+    /// Derivatives of the target's quantities with respect to the speeds, 1/rpm, one row per quantity.
     pub derivatives: DMatrix<f64>,
 }
 
-/// Returns the speeds that come nearest to a target by the table.
+/// Returns the speeds that come nearest to a target in the table.
 ///
-/// Of several it takes those about which every wanted value answers to the speeds, and of these the ones with the least
-/// contact: in contact the attitude depends on the speeds irregularly.
+/// It prefers candidates where every quantity of the target responds to the speeds, and of these the one with the least
+/// contact: in contact the attitude depends irregularly on the speeds.
 ///
 /// # Errors
 /// [`AimError::TooSmall`].
@@ -50,7 +50,8 @@ pub fn nearest(table: &Table, target: &Target) -> Result<Nearest, AimError> {
 }
 
 impl Nearest {
-    /// Returns whether no wanted value needs a change of the speeds by more than [`STEEPEST_RPM`] for a degree.
+    /// Returns whether a change of the speeds by [`STEEPEST_RPM`] or less corrects each quantity of the target by one
+    /// degree.
     fn answers(&self) -> bool {
         self.derivatives.singular_values().iter().all(|value| value * STEEPEST_RPM >= 1.0)
     }
@@ -73,7 +74,7 @@ mod tests {
 
     #[test]
     fn of_several_speeds_those_come_first_about_which_yaw_and_pitch_answer() {
-        // About other speeds that the table gives for it, (54.63, -83.83) rpm, a degree of pitch needs 1000 rpm.
+        // At other speeds that the table gives for this target, (54.63, -83.83) rpm, a degree of pitch needs 1000 rpm.
         let target = Target::new([(Quantity::Yaw, Some(61.4)), (Quantity::Pitch, Some(3.3))]).unwrap();
         let table = shipped().unwrap();
         let found = nearest(&table, &target).unwrap();

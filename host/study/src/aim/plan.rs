@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Returns the text of a plan of the solutions' speeds, one trial each, that `record` and `simulate` run.
 ///
-/// `out`: the plan's file, after which the session is named; `robot`: name of a built-in robot, or path of its file.
+/// `out`: the plan's file, which also names the session; `robot`: name of a built-in robot, or path of its file.
 pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -> String {
     let name = out.file_stem().unwrap_or_default().to_string_lossy();
     let robot = named_in(out, robot);
@@ -36,7 +36,7 @@ pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -
     text
 }
 
-/// Returns how a plan names the robot: a file in its own folder by its name, any other by its whole path.
+/// Returns the plan's reference to the robot: the file name if both are in the same folder, otherwise the whole path.
 fn named_in(plan: &Path, robot: &Path) -> String {
     if robot.to_str().is_some_and(|name| BUILT_IN.contains(&name)) {
         return robot.display().to_string();

@@ -1,4 +1,4 @@
-//! Quantities that can be wanted: angles of the attitude, and the thrust.
+//! Quantities of a target: angles of the attitude, and the thrust.
 
 use crate::attitude::tilt_deg;
 use serde::Serialize;
@@ -37,7 +37,7 @@ impl Attitude {
     }
 }
 
-/// A quantity that can be asked for.
+/// A quantity that a target can contain.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
@@ -54,7 +54,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Returns its value, degrees or N.
+    /// Returns the value of the quantity, degrees or N.
     pub fn of(self, attitude: &Attitude) -> f64 {
         match self {
             Self::Yaw => attitude.yaw_deg,
@@ -65,7 +65,7 @@ impl Quantity {
         }
     }
 
-    /// Returns the values that can be asked for, degrees or N.
+    /// Returns the values that a target may have, degrees or N.
     pub fn range(self) -> RangeInclusive<f64> {
         match self {
             Self::Yaw => -36_000.0..=36_000.0,

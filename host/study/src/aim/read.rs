@@ -1,4 +1,4 @@
-//! Reads tables of steady states: the shipped map, and those of `biflag sweep`.
+//! Reads tables of steady states: the shipped map, and tables of `biflag sweep`.
 
 use super::error::AimError;
 use super::quantity::Attitude;
@@ -10,10 +10,10 @@ use std::path::Path;
 /// The map of the robot `physical` as CSV; its first lines say which command wrote it.
 pub const MAP: &str = include_str!("map.csv");
 
-/// Columns of a sweep's robots that follow from other columns. They do not count in the distance of two robots.
+/// Columns of a sweep's robots that follow from other columns. They do not count in the distance between two robots.
 const DERIVED: [&str; 2] = ["contour_length_m", "bend_nm2"];
 
-/// Robots whose distances differ by less than this are the same, except for rounding.
+/// Robots are the same, except for rounding, if their distances differ by no more than this.
 const SAME: f64 = 1e-6;
 
 /// Returns the shipped map of the robot `physical`.
@@ -25,8 +25,8 @@ pub fn shipped() -> Result<Table, AimError> {
     of_rows(rows, Path::new("map.csv"))
 }
 
-/// Reads a table, CSV or Parquet. Of a table with several robots it takes the states of the one that is nearest to `robot`:
-/// least squares of the logarithms of their parameters' ratios.
+/// Reads a table, CSV or Parquet. From a table with several robots it takes the states of the one nearest to `robot`,
+/// by the sum of the squared logarithms of the parameters' ratios.
 ///
 /// # Errors
 /// [`AimError::Table`] and [`AimError::TooSmall`].
@@ -34,7 +34,7 @@ pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
     of_rows(sweep::columns_of(path).and_then(|table| rows(&numbers(&table), robot)), path)
 }
 
-/// Returns the table of columns that were read already, such as those of a sweep; see [`load`].
+/// Returns the table of columns that are already in memory, such as the columns of a sweep; see [`load`].
 ///
 /// # Errors
 /// [`AimError::Table`] and [`AimError::TooSmall`].
@@ -42,12 +42,12 @@ pub fn of_columns(columns: &Columns, robot: &Robot) -> Result<Table, AimError> {
     of_rows(rows(columns, robot), Path::new("table"))
 }
 
-/// Returns the table of these rows of the file `path`, or the error why there are none.
+/// Returns the table of these rows of the file `path`, or the error that explains why there are none.
 fn of_rows(rows: Result<Vec<Row>, String>, path: &Path) -> Result<Table, AimError> {
     Table::new(rows.map_err(|reason| AimError::Table { path: path.to_owned(), reason })?)
 }
 
-/// Columns of numbers with their names, of equal length. A value that is none is NaN.
+/// Columns of numbers with their names, of equal length. A missing value is NaN.
 pub type Columns = Vec<(String, Vec<f64>)>;
 
 fn numbers(table: &export::table::Table) -> Columns {

@@ -1,4 +1,4 @@
-//! A table of steady states over the speeds of both motors, which gives the initial speeds.
+//! A table of steady states over the speeds of both motors. It gives the initial speeds.
 //!
 //! Rows may be anywhere in the plane of speeds. Between them a quadratic polynomial is fitted to the nearest rows, with
 //! weights that fall with the distance: local regression (Cleveland 1979, J. Am. Stat. Assoc. 74, 829).
@@ -14,7 +14,7 @@ const TERMS: usize = 6;
 const NEAREST: usize = 14;
 /// Fewest rows of a table.
 const FEWEST: usize = 10;
-/// Neighbours that a row's distance to the target is compared with.
+/// Number of neighbours with which a row's distance to the target is compared.
 const NEIGHBOURS: usize = 8;
 /// Change of a speed for derivatives, rpm.
 const DIFFERENCE: f64 = 0.1;
@@ -41,15 +41,15 @@ impl Row {
 #[derive(Clone, PartialEq, Debug)]
 pub struct Table {
     rows: Vec<Row>,
-    /// Typical distance of rows next to each other, rpm.
+    /// Typical distance between neighbouring rows, rpm.
     spacing_rpm: f64,
     /// A hundredth of the range of thrusts, N.
     thrust_step_n: f64,
 }
 
 impl Table {
-    /// Creates a table of these rows and their mirror images: a robot of two equal flagella that exchange their speeds
-    /// turns by half a turn, and has the same yaw and the opposite pitch and roll.
+    /// Creates a table of these rows and their mirror images: exchanging the speeds of two equal flagella turns the
+    /// robot by half a turn, with the same yaw and the opposite pitch and roll.
     ///
     /// # Errors
     /// [`AimError::TooSmall`].
@@ -82,12 +82,12 @@ impl Table {
         &self.rows
     }
 
-    /// Returns the typical distance of rows next to each other, rpm.
+    /// Returns the typical distance between neighbouring rows, rpm.
     pub fn spacing_rpm(&self) -> f64 {
         self.spacing_rpm
     }
 
-    /// Returns the thrust that counts as much as a degree, N.
+    /// Returns the thrust error that counts as much as one degree, N.
     pub fn thrust_step_n(&self) -> f64 {
         self.thrust_step_n
     }
@@ -97,7 +97,7 @@ impl Table {
         self.next_to(rpm, 1).first().and_then(|(_, row)| self.rows[*row].contact_share).unwrap_or(0.0)
     }
 
-    /// Returns the rows that are nearer to the target than all rows next to them, the nearest one first.
+    /// Returns the rows that are nearer to the target than all their neighbours, the nearest one first.
     pub fn nearest(&self, target: &Target) -> Vec<Row> {
         let misses: Vec<f64> = self.rows.iter().map(|row| self.miss(target, &row.attitude)).collect();
         let mut found: Vec<(f64, Row)> = Vec::new();
@@ -141,7 +141,8 @@ impl Table {
                 right[(i, j)] = value * weight;
             }
         }
-        // Rows on a line or two do not determine all terms: the least solution leaves out what they do not tell.
+        // Rows on one or two lines do not determine all terms. The minimum-norm solution sets the undetermined part to
+        // zero.
         if let Ok(solution) = left.svd(true, true).solve(&right, 1e-6) {
             local.terms.copy_from(&solution);
         }
@@ -169,7 +170,7 @@ impl Local {
         Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n }
     }
 
-    /// Returns the derivatives of the values that are asked for by the speeds, 1/rpm, one row a quantity.
+    /// Returns the derivatives of the target's quantities with respect to the speeds, 1/rpm, one row per quantity.
     pub fn derivatives(&self, target: &Target, thrust_step_n: f64) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(target.wanted.len(), 2);
         for k in 0..2 {

@@ -1,4 +1,4 @@
-//! A target: quantities and the values that are wanted of them.
+//! A target: quantities and their desired values.
 
 use super::error::AimError;
 use super::quantity::{Attitude, Quantity};
@@ -6,7 +6,7 @@ use crate::text::word;
 use serde::Serialize;
 use std::fmt;
 
-/// What is asked for: values of at least two quantities.
+/// Desired values of at least two quantities.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Target {
     /// The quantities and their values, degrees or N.
@@ -14,7 +14,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Returns the target of these quantities and their values, degrees or N; one without a value is not asked for.
+    /// Returns the target of these quantities and their values, degrees or N. Quantities without a value are left out.
     ///
     /// # Errors
     /// [`AimError::TooFew`] and [`AimError::OutOfRange`].
@@ -29,7 +29,7 @@ impl Target {
         }
     }
 
-    /// Returns the quantities of an attitude that are asked for: degrees, and the thrust in steps of `thrust_step_n`.
+    /// Returns the target's quantities of an attitude: degrees, and the thrust in steps of `thrust_step_n`.
     pub fn values(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
         let scaled = |quantity: Quantity| match quantity {
             Quantity::Thrust => attitude.thrust_n / thrust_step_n,
@@ -38,7 +38,7 @@ impl Target {
         self.wanted.iter().map(|(quantity, _)| scaled(*quantity)).collect()
     }
 
-    /// Returns the error of each value; that of the yaw by the shorter way round.
+    /// Returns the error of each value; the yaw's error goes the shorter way round.
     pub fn misses(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
         let values = self.values(attitude, thrust_step_n);
         let miss = |((quantity, wanted), value): (&(Quantity, f64), f64)| match quantity {
@@ -49,13 +49,13 @@ impl Target {
         self.wanted.iter().zip(values).map(miss).collect()
     }
 
-    /// Returns the largest miss of an angle, degrees.
+    /// Returns the largest error of an angle, degrees.
     pub fn error_deg(&self, attitude: &Attitude) -> f64 {
         let angles = Self { wanted: self.wanted.iter().copied().filter(|(q, _)| *q != Quantity::Thrust).collect() };
         largest(&angles.misses(attitude, 1.0))
     }
 
-    /// Returns the miss of the thrust, N; `None` if it is not asked for.
+    /// Returns the error of the thrust, N; `None` if it is not in the target.
     pub fn error_n(&self, attitude: &Attitude) -> Option<f64> {
         let (_, wanted) = self.wanted.iter().find(|(quantity, _)| *quantity == Quantity::Thrust)?;
         Some((wanted - attitude.thrust_n).abs())
@@ -72,12 +72,12 @@ impl fmt::Display for Target {
     }
 }
 
-/// Returns the largest of these sizes.
+/// Returns the largest absolute value.
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
 }
 
-/// Returns the same angle (deg) within half a turn of zero.
+/// Wraps an angle (deg) to within half a turn of zero.
 fn wrapped(deg: f64) -> f64 {
     deg - 360.0 * (deg / 360.0).round()
 }
@@ -105,7 +105,7 @@ mod tests {
         let attitude = Attitude { yaw_deg: -184.0, pitch_deg: 3.0, roll_deg: -4.0, thrust_n: 0.01 };
         let misses = target.misses(&attitude, 1.0);
         assert!((misses[0] + 1.0).abs() < 1e-9, "{misses:?}");
-        // Pitch and roll of a small tilt add up as squares.
+        // Pitch and roll of a small tilt add in quadrature.
         assert!(misses[1].abs() < 0.01, "{misses:?}");
         assert!((target.error_deg(&attitude) - 1.0).abs() < 1e-9);
         assert_eq!(target.error_n(&attitude), None);

@@ -1,14 +1,14 @@
-//! How the bias of a gyroscope changes by itself: a random walk, and flicker.
+//! The noise of a gyroscope's bias: a random walk and flicker.
 //!
-//! The walk W has the variance K² t after a time t, so that the covariance at two times is K² times the earlier one. Flicker is
-//! the noise whose Allan deviation is flat, at 0.664 of the bias instability B. Its two-sided density is B²/(2π f) (IEEE Std
-//! 952-2020, annex C). A sum of first-order Gauss-Markov processes whose time constants are in the ratio r, each of variance
-//! B² ln r/π, has this density between the frequencies of the slowest and the fastest one.
+//! The walk has the variance K² t after a time t, so the covariance at two times is K² times the earlier one. Flicker
+//! is the noise whose Allan deviation is flat, at 0.664 of the bias instability B. Its two-sided density is B²/(2π f)
+//! (IEEE Std 952-2020, annex C). A sum of first-order Gauss-Markov processes has this density between the frequencies
+//! of the slowest and the fastest one, if successive time constants have the ratio r and each variance is B² ln r/π.
 
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Time constants, s: slower flicker is a constant in a trial, faster is part of the angle random walk.
+/// Time constants, s: slower flicker is constant during a trial, faster flicker is part of the angle random walk.
 const TIME_CONSTANTS_S: [f64; 8] = [0.632, 2.0, 6.32, 20.0, 63.2, 200.0, 632.0, 2000.0];
 const RATIO: f64 = 3.162;
 
@@ -22,21 +22,21 @@ pub struct BiasNoise {
 }
 
 impl BiasNoise {
-    /// Returns the covariance of the mean biases over two stretches of time, (°/s)². The walk is zero at `from_s`, which is not
-    /// later than both.
+    /// Returns the covariance of the mean biases over two stretches of time, (°/s)². The walk is zero at `from_s`, not
+    /// later than either stretch.
     pub fn covariance(self, one: &Range<f64>, other: &Range<f64>, from_s: f64) -> f64 {
         self.of_walk(one, other, from_s) + self.of_flicker(one, other)
     }
 
-    /// Returns the part of the walk in the covariance.
+    /// Returns the walk's part of the covariance.
     pub(super) fn of_walk(self, one: &Range<f64>, other: &Range<f64>, from_s: f64) -> f64 {
-        // The earlier of two times is half their sum less half their distance; |x|³/6 is the second integral of |x|.
+        // The earlier of two times is half their sum minus half their distance; |x|³/6 is the second integral of |x|.
         let apart = mean(one, other, |x| x.abs().powi(3) / 6.0);
         let middle = |range: &Range<f64>| 0.5 * (range.start + range.end) - from_s;
         0.5 * self.walk_dps_per_root_s.powi(2) * (middle(one) + middle(other) - apart)
     }
 
-    /// Returns the part of the flicker, which depends on the distance of both alone.
+    /// Returns the flicker's part, which depends only on the time between the stretches.
     pub(super) fn of_flicker(self, one: &Range<f64>, other: &Range<f64>) -> f64 {
         if self.instability_dps == 0.0 {
             return 0.0;
@@ -56,8 +56,8 @@ impl BiasNoise {
     }
 }
 
-/// Returns the mean of a function of the distance of two times, each in a stretch of its own. `twice`: the function's second
-/// integral.
+/// Returns the mean of a function of the distance between two times, one in each stretch. `twice`: the function's
+/// second integral.
 fn mean(one: &Range<f64>, other: &Range<f64>, twice: impl Fn(f64) -> f64) -> f64 {
     let sum = twice(one.end - other.start) - twice(one.end - other.end) - twice(one.start - other.start)
         + twice(one.start - other.end);
@@ -79,7 +79,7 @@ mod tests {
         }
     }
 
-    /// That of a walk is K √(τ/3) (IEEE Std 952-2020, annex C).
+    /// The Allan deviation of a walk is K √(τ/3) (IEEE Std 952-2020, annex C).
     #[test]
     fn allan_deviation_of_a_walk_grows_with_the_root_of_time() {
         let walk = BiasNoise { walk_dps_per_root_s: 5e-4, instability_dps: 0.0 };

@@ -1,8 +1,9 @@
-//! The part of the phase after a run whose rates tell the drift.
+//! The part of the phase after a run from which the drift is estimated.
 //!
-//! Soft flagella spring back within some seconds, and then the robot returns slowly: the rate of the yaw is a bias and two
-//! exponentials. While the faster one lasts, the rates are far above the noise. They tell the time constant of the slower one,
-//! which the end of the phase does not; but no motion is exponential to better than a share of its own rate.
+//! Soft flagella spring back within some seconds, and then the robot returns slowly: the rate of the yaw is a bias plus
+//! two exponentials. While the faster one lasts, the rates are far above the noise. They determine the time constant of
+//! the slower one, which the end of the phase cannot. But a motion is exponential only to within a fraction of its own
+//! rate.
 
 use super::Track;
 use super::rest::{BLOCK_S, MOST_BLOCKS, QUIET, SLOWEST, blocks};
@@ -10,37 +11,37 @@ use super::returns::FAST_S;
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
-/// Time after the run in which the motors stop and all motions but two end, s.
+/// Time after the run until the motors have stopped and all motions but two have ended, s.
 const HIDDEN_S: f64 = 4.0;
 
-/// Fewest blocks that are described by two exponentials, which have five parameters.
+/// Fewest blocks for a fit of two exponentials, which have five parameters.
 const LEAST_BLOCKS: usize = 6;
 const PARAMETERS: f64 = 5.0;
 
-/// Standard deviation of the rate of a return to rest about two exponentials, relative to itself. Assumed: a robot in glycerin
-/// returns in proportion to what is left, which is some degrees by then.
+/// Standard deviation of the rate of a return to rest about two exponentials, relative to the rate. Assumed: a robot in
+/// glycerin returns in proportion to the remaining angle, which is some degrees by then.
 const SHAPE: f64 = 0.02;
 
-/// Ratio of neighbouring time constants that are tried.
+/// Ratio of successive trial time constants.
 const STEP: f64 = 1.1;
 
-/// The part of the phase after a run that is described by one exponential or two.
+/// The part of the phase after a run that one or two exponentials describe.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Decay {
-    /// When it is.
+    /// Its time range, s.
     pub range: Range<f64>,
     /// Standard deviation of its rates about the exponentials, relative to themselves.
     shape: f64,
-    /// About the rate at rest, °/s.
+    /// Approximate rate at rest, °/s.
     bias: f64,
     /// Angle random walk, °/√s.
     walk: f64,
 }
 
 impl Decay {
-    /// Finds the longest part at the end of a phase that two exponentials describe. `single` is the part that one describes,
-    /// which is preferred if it is not shorter; `None` if neither is found. `bias`: about the rate at rest, °/s; `walk`: angle
-    /// random walk, °/√s.
+    /// Finds the longest part at the end of a phase that two exponentials describe. `single` is the part that one
+    /// exponential describes; it is returned unless a longer part is found. `None` if there is neither. `bias`:
+    /// approximate rate at rest, °/s; `walk`: angle random walk, °/√s.
     pub fn find(yaw: Track, phase: &Range<f64>, single: Option<Range<f64>>, bias: f64, walk: f64) -> Option<Self> {
         let end = phase.end.min(yaw.span().end);
         let step = 0.5 * BLOCK_S.max((end - phase.start) / MOST_BLOCKS);
@@ -58,7 +59,7 @@ impl Decay {
         self.walk.powi(2) / (block.end - block.start) + (self.shape * (rate - self.bias)).powi(2)
     }
 
-    /// Returns whether two exponentials describe it within the noise and the error of its shape.
+    /// Returns whether two exponentials describe the part within the noise and the error of its shape.
     fn is_two_exponentials(&self, yaw: Track) -> Option<bool> {
         let blocks = blocks(yaw, &self.range, BLOCK_S, LEAST_BLOCKS)?;
         let length = blocks.last()?.0.end - self.range.start;
@@ -68,8 +69,8 @@ impl Decay {
         Some(squares < QUIET.powi(2) * (blocks.len() as f64 - PARAMETERS))
     }
 
-    /// Returns the least sum of the squares of the residuals about exponentials of these time constants, s, relative to their
-    /// standard deviations.
+    /// Returns the minimum sum of squared residuals about exponentials of these time constants, s, each relative to its
+    /// standard deviation.
     fn squares(&self, blocks: &[(Range<f64>, f64)], time_constants_s: [f64; 2]) -> Option<f64> {
         let [slow, fast] = time_constants_s;
         let (mut normal, mut right, mut total) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
@@ -110,7 +111,7 @@ mod tests {
         assert_eq!((decay.range, decay.shape), (4.0..20.0, SHAPE));
     }
 
-    /// A motion of its own in the first eight seconds: 3 degrees there and back.
+    /// A separate motion in the first eight seconds: 3 degrees there and back.
     #[test]
     fn what_is_no_exponential_is_left_out() {
         let other = |t: f64| if t < 8.0 { 3.0 * (std::f64::consts::PI * t / 8.0).sin() } else { 0.0 };

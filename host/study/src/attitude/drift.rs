@@ -1,20 +1,21 @@
 //! The drift of the yaw and its covariance, estimated from the still phases before and after a run.
 //!
-//! Yaw cannot be observed from gravity, so the bias of the gyroscope that the calibration leaves makes it drift. While
+//! Yaw cannot be observed from gravity, so the gyroscope's remaining bias after the calibration makes it drift. While
 //! the robot is still, the rate of the yaw is the bias about z, plus noise. Roll and pitch can be observed from
-//! gravity: the board's filter holds them, and the gyroscope's rate minus that of the attitude is the bias about x and
-//! y. The part about the vertical remains, so that in a leaning robot all three biases contribute to the yaw: yaw' = -x
-//! sin pitch + cos pitch (y sin roll + z cos roll). With a filter that estimates the bias itself ([`Series::new`]) the
-//! contributions of x and y are zero.
+//! gravity: the board's filter holds them, and the gyroscope's rate minus the attitude's rate is the bias about x and
+//! y. The component about the vertical is not held, so in a leaning robot all three biases contribute to the yaw: yaw'
+//! = -x sin pitch + cos pitch (y sin roll + z cos roll). With a filter that estimates the bias itself ([`Series::new`])
+//! the contributions of x and y are zero.
 //!
-//! The biases follow from the rates at rest by [`super::smoother`], which also finds the rest of a motion: before the
-//! run, where the robot may still return from the last trial, and after it. The zero of the yaw is where the robot comes
-//! to rest. The biases about x and y are found in still phases that are longer than the filter's settling. If no phase
-//! is, they are those of the calibration, with the noise of its mean; without a calibration they are unknown, and so is
-//! the uncertainty of the yaw.
+//! [`super::smoother`] estimates the biases from the rates at rest. It also estimates the remaining motion before the
+//! run, where the robot may still return from the last trial, and after it. The zero of the yaw is where the robot
+//! comes to rest. The biases about x and y are measured in still phases that are longer than the filter's settling. If
+//! there is no such phase, they are the calibration's, with the noise of its mean; without a calibration they are
+//! unknown, and so is the uncertainty of the yaw.
 //!
-//! During the run, noise adds an angle random walk: a standard deviation of N √t after a time t. N is estimated from the
-//! scatter of the mean rates of blocks at rest, and is at least that of the data sheet; of a measured sensor it is known.
+//! During the run, noise adds an angle random walk: a standard deviation of N √t after a time t. N is estimated from
+//! the scatter of the mean rates of blocks at rest, and is at least the data sheet's value; for a measured sensor it is
+//! known.
 
 use super::decay::Decay;
 use super::rest::{Noise, SHORTEST_REST_S, Stretch, after_run, blocks_of};
@@ -28,19 +29,21 @@ use std::ops::Range;
 const GRID_S: f64 = 1.0;
 const MOST_INTERVALS: f64 = 100.0;
 
-/// Ratio of the variance of the rates about x and y at rest to that about z: they also contain the noise of the tilt.
+/// Ratio of the variance of the rates at rest about x and y to the variance about z: they also contain the noise of the
+/// tilt.
 const TILT_NOISE: f64 = 4.0;
 
-/// Time constants of the filter in which it settles.
+/// Time constants of the filter after which it has settled.
 const SETTLED: f64 = 10.0;
 
-/// Time constants of the filter after which its settling turns the yaw no more. Until the calibration the filter leans by
-/// the gyroscope's bias; from there it moves to the lean that the accelerometer's offset causes, and the area of the path
+/// Time constants of the filter after which its settling no longer turns the yaw. Until the calibration the filter's
+/// tilt is offset by the gyroscope's bias; then it moves to the offset of the accelerometer, and the area of this path
 /// turns the yaw by some hundredths of a degree.
 const YAW_SETTLED: f64 = 5.0;
 
-/// Share of the rate about z that x and y may read, standard uncertainty: a mounting within 2° and cross-axis terms within 2 %
-/// (data sheet PS-MPU-6000A, section 6.1), each equally likely. While the robot turns, this looks like a bias.
+/// Share of the rate about z that appears in x and y, standard uncertainty: a mounting within 2° and cross-axis terms
+/// within 2 % (data sheet PS-MPU-6000A, section 6.1), each uniformly distributed. While the robot turns, this looks
+/// like a bias.
 const ASKEW: f64 = 0.0232;
 
 /// The drift of the yaw since a reference time.
@@ -52,7 +55,7 @@ pub struct Drift {
     pub angle_walk: f64,
     /// Degrees of freedom of the angle random walk.
     pub degrees_of_freedom: f64,
-    /// Rate of the yaw at which the robot still moved at the start of the run, and its standard deviation, °/s.
+    /// Remaining rate of the yaw at the start of the run, and its standard deviation, °/s.
     pub residual_dps: [f64; 2],
     /// The drift at the times of a grid, degrees.
     mean_deg: Columns<1>,
@@ -63,12 +66,12 @@ pub struct Drift {
     knows_lateral: bool,
 }
 
-/// What is known about the rest of a trial.
+/// The still phases of a trial, with the known properties of filter, sensor and robot.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Rest {
     /// The still phase before the run.
     pub before: Range<f64>,
-    /// The phase after the run, at whose end the robot is still.
+    /// The phase after the run; the robot is still at its end.
     pub after: Range<f64>,
     /// Duration of the gyroscope's calibration, which ended at the start of the still phase, s; 0 for none.
     pub calibrate_s: f64,
@@ -83,15 +86,15 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Returns the time from which on the filter has settled for so many of its time constants. It settles anew after a
-    /// calibration; without one it has run since `first_s`, the start of the log, at least.
+    /// Returns the time at which the filter has settled for this many time constants. It settles anew after a
+    /// calibration; without one it has run at least since `first_s`, the start of the log.
     fn settled_s(&self, first_s: f64, time_constants: f64) -> f64 {
         let from_s = if self.calibrate_s > 0.0 { self.before.start } else { first_s };
         from_s + time_constants * self.filter_s
     }
 
-    /// Returns the start of the still phase without the settling of the filter, but with the shortest rest that tells a
-    /// rate.
+    /// Returns the start of the still phase after the filter's settling, but early enough to leave the shortest rest
+    /// that gives a rate.
     fn settled_before(&self, first_s: f64) -> f64 {
         let start = self.before.start.max(first_s);
         self.settled_s(first_s, YAW_SETTLED).min(self.before.end - SHORTEST_REST_S).max(start)
@@ -99,8 +102,7 @@ impl Rest {
 }
 
 impl Drift {
-    /// Estimates the drift since `from_s`, which is at the end of the still phase. Returns `None` if that phase is too
-    /// short.
+    /// Estimates the drift since `from_s`, the end of the still phase. Returns `None` if that phase is too short.
     pub fn estimate(series: &Series, rest: &Rest, from_s: f64) -> Option<Self> {
         let yaw = series.yaw();
         let span = yaw.span();
@@ -108,7 +110,8 @@ impl Drift {
         blocks_of(yaw, &before)?;
         let mut noise = Noise::default();
         noise.add(yaw, &before);
-        // What the sensor was measured to have, unless this trial is noisier: the phase after the run has a motion in it.
+        // Use the sensor's measured noise unless this trial is noisier. The phase after the run does not decide: it
+        // contains a motion.
         let known = rest.angle_walk.filter(|known| !noise.exceeds(*known));
         let after = after_run(yaw, rest.after.clone(), known.unwrap_or_else(|| noise.angle_walk()).0);
         let mut still = vec![before.clone()];
@@ -233,7 +236,8 @@ fn tilt_dps(series: &Series, range: &Range<f64>) -> [f64; 2] {
     [series.pitch(), series.roll()].map(|tilt| tilt.rate(range.clone()).unwrap_or_default())
 }
 
-/// Returns the mean biases about the body's x and y over each still phase, or of the calibration if no phase shows them.
+/// Returns the mean biases about the body's x and y over each still phase, or over the calibration if no phase is long
+/// enough.
 fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], variance: f64) -> Vec<[Stretch; 2]> {
     let both = |range: Range<f64>, rates: [f64; 2], variance: f64| {
         rates.map(|rate| Stretch { tilt_dps: tilt_dps(series, &range), range: range.clone(), rate, variance })
@@ -314,7 +318,7 @@ mod tests {
         series
     }
 
-    /// A sensor that is mounted askew reads a part of the yaw's return to rest about x and y: no bias of the gyroscope.
+    /// A misaligned sensor measures part of the yaw's return to rest about x and y, which is no bias of the gyroscope.
     #[test]
     fn askew_sensor_reads_no_bias_in_a_return_to_rest() {
         let yaw_dps = |t: f64| if t < 140.0 { 0.0 } else { -19.0 * (-(t - 140.0) / 10.8).exp() };
@@ -382,18 +386,19 @@ mod tests {
             assert_eq!(drift.still.len(), 1);
             end(&drift).1.unwrap()
         };
-        // 0.03 °/s per °C times a mean warming of 0.33 °C times 119 s are 1.2 degrees; the trend at rest tells a little.
+        // 0.03 °/s per °C times a mean warming of 0.33 °C times 119 s are 1.2 degrees; the trend at rest reduces this a
+        // little.
         assert!(unknown(0.0) < 1.2 && unknown(0.8) > 1.5, "{} {}", unknown(0.0), unknown(0.8));
     }
 
-    /// Rests of 3 to 30 s after another trial: the robot still turns back to rest when the run begins.
+    /// Waits of 3 to 30 s after another trial: the robot is still returning to rest when the run begins.
     #[test]
     fn robot_that_still_returns_to_rest_has_its_zero_where_it_will_rest() {
         for (tau, left_deg) in [(4.0, 0.3), (9.0, 1.5), (9.0, -0.2), (17.0, 2.0)] {
             let mut series = trial(|_| [0.0, 0.0, 0.02], |_| [0.0; 2], |_| 25.0);
             let displaced = |t: f64| left_deg * (-(t - 20.0) / tau).exp();
             for (time, yaw) in series.angles_deg.time_s.clone().into_iter().zip(&mut series.angles_deg.values[0]) {
-                // From the start of the run on it is elsewhere, and after it returns from there.
+                // During the run the robot is elsewhere, and afterwards it returns from there.
                 *yaw += if time <= 20.0 { displaced(time) } else { 0.0 };
             }
             let drift = Drift::estimate(&series, &rest(0.0..20.0, 140.0..170.0, 5.0), FROM_S).unwrap();
@@ -431,7 +436,7 @@ mod tests {
         }
     }
 
-    /// Ten seconds after the run help by what they are worth.
+    /// Ten seconds of rest after the run reduce the uncertainty.
     #[test]
     fn each_second_of_rest_after_the_run_helps() {
         let series = trial(|_| [0.0, 0.0, 0.02], |_| [0.0; 2], |_| 25.0);
@@ -445,7 +450,7 @@ mod tests {
         assert!(all[4] < 0.7 * all[0], "{all:?}");
     }
 
-    /// Still phases of 12 s are too short for the biases about x and y, of which the yaw of a leaning robot has a share,
+    /// Still phases of 12 s are too short to measure the biases about x and y, which affect the yaw of a leaning robot,
     /// unless the filter had settled before them.
     #[test]
     fn lateral_biases_that_no_phase_shows_are_in_the_uncertainty() {

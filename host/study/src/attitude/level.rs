@@ -6,21 +6,22 @@
 //! the gyroscope alone.
 //!
 //! The filter follows the accelerometer with a time constant of 1/kp, and the gyroscope without delay: while the robot
-//! turns, the filter's tilt is that of the bias in the world about a second ago. Therefore the bias passes through the
-//! same low-pass.
+//! turns, the filter's tilt shows the bias in world axes as it was about a second ago. Therefore the bias passes
+//! through the same low-pass.
 //!
-//! What moves the filter's tilt is its correction, about horizontal axes. Turning about x, then y, then back about both, turns
-//! about the vertical, too: by the area that the tilt goes round. So the filter's yaw is off by half the integral of c × dc,
-//! where c is the rotation that levels, and the dc are the filter's own; it is 0.5° for a bias of 70 mg and a turn of 186°.
+//! The filter corrects its tilt about horizontal axes. A rotation about x, then y, then back about both also turns
+//! about the vertical, by the area that the tilt encloses. So the filter's yaw is off by half the integral of c × dc,
+//! where c is the levelling rotation and dc its increments in the filter: 0.5° for a bias of 70 mg and a turn of 186°.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
-/// Largest tilt due to a bias. Beyond it, the mounting differs from the settings, or the robot does not hang upright.
+/// Largest tilt due to a bias. A larger tilt means that the mounting is wrong in the settings, or the robot not
+/// upright.
 const LARGEST_TILT_DEG: f64 = 10.0;
 
-/// Largest error of gravity that bias and scale error of an MPU6050 explain (data sheet PS-MPU-6000A, section 6.2: 80 mg and
-/// 3 %, and 60 mg over temperature).
+/// Largest error of gravity explained by the bias and scale error of an MPU6050 (data sheet PS-MPU-6000A, section 6.2:
+/// 80 mg and 3 %, and 60 mg over temperature).
 const LARGEST_ERROR_G: f64 = 0.15;
 
 /// The vertical measured by the accelerometer of a robot at rest.
@@ -60,7 +61,7 @@ impl Level {
         correction(attitude, self.bias_g()) * attitude
     }
 
-    /// Returns what a sensor would measure whose axes are turned by a rotation.
+    /// Returns the level measured by a sensor with axes turned by a rotation.
     #[must_use]
     pub fn turned(&self, by: UnitQuaternion<f64>) -> Self {
         Self { up: by * self.up, ..*self }
@@ -70,8 +71,8 @@ impl Level {
 /// Returns the rotation, about a horizontal axis of the world, that removes the tilt due to a bias of the accelerometer (g,
 /// body axes) from an attitude, body to world.
 ///
-/// The measured up is the direction of the sum of true up, of length 1 g, and the bias; true up follows from
-/// intersecting that direction, shifted by the bias, with the unit sphere.
+/// The measured up is the direction of the sum of true up, of length 1 g, and the bias; true up is where the line in
+/// that direction, shifted by the bias, meets the unit sphere.
 fn correction(attitude: UnitQuaternion<f64>, bias: Vector3<f64>) -> UnitQuaternion<f64> {
     let seen = attitude.inverse() * Vector3::z();
     let along = seen.dot(&bias);
@@ -88,7 +89,7 @@ pub struct Leveller {
     gain: f64,
     /// Time, s, and the bias after the filter's low-pass, world axes; `None` before the first attitude.
     filtered_bias: Option<(f64, Vector3<f64>)>,
-    /// The last correction, rad, and the area that it has gone round, rad².
+    /// The last correction, rad, and the area enclosed by the corrections so far, rad².
     last: Option<Vector3<f64>>,
     area: f64,
 }
@@ -214,7 +215,8 @@ mod tests {
         assert_eq!(rest.level(1.0), None, "the robot moved");
     }
 
-    /// The filter's correction goes round as the robot turns by 186°, as fast as one does when its flagella start.
+    /// The filter's correction describes a loop as the robot turns by 186°, as fast as a robot turns when its flagella
+    /// start.
     #[test]
     fn tilt_of_a_bias_that_goes_round_is_no_yaw() {
         for bias in [Vector3::new(0.05, 0.05, 0.08), Vector3::new(-0.05, 0.05, -0.08), Vector3::new(0.05, 0.0, 0.0)] {

@@ -1,9 +1,9 @@
 //! The noise of the gyroscope at rest, and the part of a return to rest that shows its bias.
 //!
 //! After a run the robot returns slowly to rest in the glycerin: with a time constant of 6 s the yaw still turns at
-//! some hundredths of a degree per second after half a minute, which is as fast as the drift. The motion is overdamped,
-//! so that one exponential remains at the end: the rate of the yaw is r + A exp(-t/τ), where r is the bias. The part of
-//! the phase in which this holds is the longest one whose residuals are as small as the noise.
+//! some hundredths of a degree per second after half a minute, as fast as the drift. The motion is overdamped, so one
+//! exponential remains at the end: the rate of the yaw is r + A exp(-t/τ), where r is the bias. The longest part of the
+//! phase with residuals as small as the noise is taken to follow this law.
 
 use super::Track;
 use crate::statistics::variance_ratio;
@@ -13,7 +13,8 @@ use std::ops::Range;
 /// Length of the blocks, s.
 pub(super) const BLOCK_S: f64 = 2.0;
 
-/// Lengths of the blocks whose scatter gives the noise, s: many short ones, and those of the estimate, which see slow noise.
+/// Lengths of the blocks for the noise, s: many short ones, and those of the drift's estimate, which also contain slow
+/// noise.
 const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
 
 /// Minimum number of blocks of a still phase, and of a return to rest.
@@ -23,7 +24,7 @@ const MIN_SWING_BLOCKS: usize = 4;
 /// Duration of the shortest rest that gives a rate, s.
 pub(super) const SHORTEST_REST_S: f64 = MIN_BLOCKS as f64 * BLOCK_S;
 
-/// The largest number of blocks of a phase; a longer phase has longer blocks.
+/// Largest number of blocks of a phase; a longer phase has longer blocks.
 pub(super) const MOST_BLOCKS: f64 = 30.0;
 
 /// Angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section 6.1),
@@ -58,18 +59,18 @@ impl Noise {
         }
     }
 
-    /// Returns the angle random walk, °/√s, and its degrees of freedom. It is at least that of the data sheet.
+    /// Returns the angle random walk, °/√s, and its degrees of freedom. It is at least the data sheet's value.
     pub fn angle_walk(&self) -> (f64, f64) {
         let (walk, freedom) = self.each().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 1.0));
         (walk.max(ANGLE_WALK), freedom)
     }
 
-    /// Returns whether the rates scatter by more than an angle random walk explains in 99 of 100 phases.
+    /// Returns whether the rates scatter by more than this angle random walk explains in 99 of 100 phases.
     pub fn exceeds(&self, (known, known_with): (f64, f64)) -> bool {
         self.each().any(|(walk, freedom)| (walk / known).powi(2) > variance_ratio(0.99, freedom, known_with))
     }
 
-    /// Returns the angle random walk by the scatter over each length of blocks, and its degrees of freedom.
+    /// Returns the angle random walk from the scatter at each block length, and its degrees of freedom.
     fn each(&self) -> impl Iterator<Item = (f64, f64)> {
         let known = self.0.iter().filter(|(_, freedom)| *freedom > 0.0);
         known.map(|(squares, freedom)| ((squares / freedom).sqrt(), *freedom))
@@ -79,7 +80,7 @@ impl Noise {
 /// The mean rate over a stretch of rest.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Stretch {
-    /// When it was.
+    /// Its time range, s.
     pub range: Range<f64>,
     /// Mean rate, °/s.
     pub rate: f64,
@@ -89,7 +90,7 @@ pub(super) struct Stretch {
     pub tilt_dps: [f64; 2],
 }
 
-/// Returns the blocks of a range, the last of which ends with it, with their mean rates, °/s; `None` if it is too short.
+/// Returns the blocks of a range, which end with it, and their mean rates, °/s; `None` if the range is too short.
 pub(super) fn blocks_of(yaw: Track, range: &Range<f64>) -> Option<Vec<(Range<f64>, f64)>> {
     blocks(yaw, range, BLOCK_S, MIN_BLOCKS)
 }
@@ -121,7 +122,7 @@ pub(super) fn after_run(yaw: Track, range: Range<f64>, walk: f64) -> Option<Rang
         if is_quiet(&(start..end)) == Some(true) {
             // The motors take a moment to stop.
             let hidden = if start > range.start { MARGIN * (end - start) } else { BLOCK_S };
-            // What is too short for a fit of its own is still a part of a good one.
+            // A part that is too short for its own fit is still covered by a good fit.
             return Some((start + hidden).min(end - MIN_BLOCKS as f64 * BLOCK_S)..end);
         }
         start += BLOCK_S / 2.0;
@@ -138,7 +139,7 @@ fn scatter(yaw: Track, range: &Range<f64>, block_s: f64) -> Option<Scatter> {
     Some((squares * length, blocks.len() as f64 - 3.0))
 }
 
-/// Returns the least sum of squared residuals for a decay per block within these bounds, in time constants.
+/// Returns the minimum sum of squared residuals, for decays per block within these bounds, in time constants.
 fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option<f64> {
     const TRIED: u32 = 16;
     const REFINED: u32 = 24;
@@ -146,7 +147,7 @@ fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option
     let tried = (0..=TRIED).map(|i| slow * (step * f64::from(i)).exp());
     let of = |passed: f64| squares(blocks, passed).unwrap_or(f64::INFINITY);
     let best = tried.min_by(|a, b| of(*a).total_cmp(&of(*b)))?;
-    // Ternary search between its neighbours.
+    // Ternary search between the neighbours of the best decay.
     let (mut low, mut high) = ((best.ln() - step).max(slow.ln()), (best.ln() + step).min(fast.ln()));
     for _ in 0..REFINED {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);

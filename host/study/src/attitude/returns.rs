@@ -1,8 +1,8 @@
-//! Returns to rest in the rates of an axis: what is left of them in the rotation.
+//! Returns to rest in the rates about an axis, and their contribution to the rotation.
 //!
-//! Over each stretch the rate has, besides what [`super::smoother`] lists, three parts of unknown size a: the robot's return to
-//! rest before the run and that after it, A exp(-t/τ) each, and a faster motion after the run. For given time constants and
-//! standard deviations D of the sizes, the rates (whitened: e, with columns B of the parts) give
+//! Over each stretch the rate has, besides the parts that [`super::smoother`] lists, three parts of unknown size a: the
+//! robot's returns to rest before and after the run, A exp(-t/τ) each, and a faster motion after the run. For given
+//! time constants and standard deviations D of the sizes, the whitened rates e, with columns B of the parts, give
 //!
 //! ```text
 //! P = D (I + D BᵀB D)⁻¹ D           covariance of a
@@ -11,10 +11,10 @@
 //! ```
 //!
 //! (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.25, 2.26 and
-//! 2.30.) The rotation is linear in a. The time constants and D are not known: every combination of a list has the weight of
-//! its evidence times its prior, to which the robot's parameters contribute what they say of τ. Mean and covariance are those of
-//! the mixture. So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest
-//! help by ten seconds' worth.
+//! 2.30.) The rotation is linear in a. The time constants and D are not known: every combination in a list is weighted
+//! by its evidence times its prior, and the robot's parameters contribute a prior for τ. Mean and covariance are those
+//! of the mixture. So a return to rest that hides in the noise adds to the uncertainty, and each second of rest reduces
+//! it.
 
 use super::rest::Stretch;
 use nalgebra::linalg::Cholesky;
@@ -22,41 +22,42 @@ use nalgebra::{DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector3};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Time constants of a return to rest that are tried first, s. More are tried between those of which the weights differ.
+/// Initial time constants of a return to rest, s. More are added between neighbours with different weights.
 const TIME_CONSTANTS_S: [f64; 7] = [1.5, 2.7, 5.0, 9.0, 16.0, 28.0, 50.0];
 const MOST_TIME_CONSTANTS: usize = 250;
 
-/// Largest difference of the logarithms of the weights of neighbouring time constants.
+/// Largest difference between the log weights of neighbouring time constants.
 const LARGEST_DIFFERENCE: f64 = 1.0;
 
-/// Standard deviation of the logarithm of a robot's time constant about that of its parameters, which are not fitted yet, and
-/// the probability that the parameters are those of another robot.
+/// Standard deviation of the logarithm of a robot's time constant about the value from its parameters, which are not
+/// fitted yet, and the probability that the parameters belong to another robot.
 const ROBOT_WITHIN: f64 = 0.5;
 const OTHER_ROBOT: f64 = 0.2;
 
-/// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, where the recorder has
-/// waited, and after it.
+/// Candidate standard deviations of the rate of a return to rest, °/s: at the start of the run, where the recorder has
+/// waited, and after the run.
 const BEFORE_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
 const AFTER_DPS: [f64; 5] = [0.0, 0.01, 0.1, 1.0, 10.0];
 
-/// The faster motion after a run: its time constants that are tried, s, and the standard deviation of its rate when the motors
-/// stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with 64 °/s,
-/// of which three quarters are gone every two seconds, until the slow return of 6.3 s remains. A fit of one exponential takes
-/// what is left of it for a bias.
+/// The faster motion after a run: candidate time constants, s, and the standard deviation of its rate when the motors
+/// stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with
+/// 64 °/s, which falls by three quarters every two seconds, until the slow return of 6.3 s remains. A fit of one
+/// exponential mistakes the rest of it for a bias.
 pub(super) const FAST_S: [f64; 4] = [1.0, 1.25, 1.6, 2.0];
 const FAST_DPS: f64 = 60.0;
 
-/// Prior weight of no motion, before the run and after it. Before it, the recorder has waited until the robot was still.
+/// Prior weight of no motion, before and after the run. Before the run, the recorder has waited until the robot was
+/// still.
 const STILL_BEFORE: f64 = 0.99;
 const STILL_AFTER: f64 = 0.5;
 
 /// Prior weight of a faster motion after the run: flagella are soft.
 const HAS_FAST: f64 = 0.95;
 
-/// Combinations of less than this weight, relative to the best one, are left out.
+/// Combinations with a smaller weight, relative to the best one, are left out.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-/// Where the robot may still have been moving.
+/// Times at which the robot may still have been moving.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Motions {
     /// Start of the run: the end of the first return to rest, s.
@@ -65,12 +66,13 @@ pub(super) struct Motions {
     pub stop_s: f64,
     /// Start of the rest after the run, s.
     pub after_s: f64,
-    /// Their time constant by the robot's parameters, s; `None` if it is not known.
+    /// Time constant of both returns from the robot's parameters, s; `None` if it is not known.
     pub time_constant_s: Option<f64>,
 }
 
 impl Motions {
-    /// Returns the prior density of the logarithm of a time constant, not normalised: even, or about that of the robot.
+    /// Returns the prior density of the logarithm of a time constant, not normalised: uniform, or mostly near the
+    /// robot's value.
     fn density(&self, tau: f64) -> f64 {
         let even = 1.0 / (TIME_CONSTANTS_S[TIME_CONSTANTS_S.len() - 1] / TIME_CONSTANTS_S[0]).ln();
         let near = |robot_s: f64| {
@@ -81,7 +83,7 @@ impl Motions {
     }
 }
 
-/// What the rates say of the rotation if nothing moves.
+/// The estimate of the rotation from the rates if nothing moves.
 pub(super) struct Still<'a> {
     pub stretches: &'a [Stretch],
     /// Covariance of the rates, factored.
@@ -94,7 +96,7 @@ pub(super) struct Still<'a> {
     pub from_s: f64,
 }
 
-/// What the returns to rest add to the rotation.
+/// The contribution of the returns to rest to the rotation.
 pub(super) struct Returns {
     /// Mean, degrees.
     pub mean: DVector<f64>,
@@ -107,8 +109,8 @@ pub(super) struct Returns {
 /// Combinations that share their time constants.
 struct Family {
     time_constant_s: f64,
-    /// Whitened rates over the stretches: of the return before the run, of that after it, and of the faster motion, for a rate
-    /// of 1 °/s each at the start of the run, at the start of the rest after it and when the motors stop.
+    /// Whitened rates over the stretches for unit rates, 1 °/s: of the return before the run, at the start of the run;
+    /// of the return after it, at the start of the rest; and of the faster motion, when the motors stop.
     columns: MatrixXx3<f64>,
     combinations: Vec<Combination>,
 }
@@ -145,7 +147,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
         }
         residual += of_mean.x;
         residual_square += of_square.m11;
-        // The rotation for rates of 1 °/s: what they explain of the rates is no bias, and the robot still turns back.
+        // The rotation for rates of 1 °/s: rates that the motions explain are no bias, and the robot still turns back.
         let mut turned = -(&still.cross * &family.columns);
         let tau = family.time_constant_s;
         turned.column_mut(0).add_scalar_mut(tau * (-(still.from_s - motions.run_s) / tau).exp());
@@ -164,9 +166,9 @@ impl Family {
 }
 
 impl Still<'_> {
-    /// Returns all combinations of time constants and sizes, with their weights. Time constants are added where the weights are
-    /// not negligible, until those of neighbours are of one order, and those of the next ones: the best time constant may lie
-    /// between two of the same weight.
+    /// Returns all combinations of time constants and sizes, with their weights. Time constants are added where the
+    /// weights are not negligible, until each interval and its neighbours have similar weights at both ends. Neighbours
+    /// count, because the best time constant may lie between two of equal weight.
     fn families(&self, motions: &Motions) -> Vec<Family> {
         let tried = |tau: f64| -> (f64, Vec<Family>) {
             (tau, FAST_S.iter().map(|fast_s| self.family(motions, tau, *fast_s)).collect())
@@ -198,7 +200,7 @@ impl Still<'_> {
         all.into_iter().flat_map(|(_, families)| families).collect()
     }
 
-    /// Returns the combinations of sizes for a time constant of both returns and one of the faster motion.
+    /// Returns the combinations of sizes for one time constant of both returns and one of the faster motion.
     fn family(&self, motions: &Motions, tau: f64, fast_s: f64) -> Family {
         let is_after = |stretch: &Stretch| stretch.range.start >= motions.run_s;
         let rates = |tau: f64, zero_s: f64, after: bool| {
@@ -224,7 +226,8 @@ impl Still<'_> {
             let [sizes, priors] = [parts.map(|(dps, _)| dps), parts.map(|(_, prior)| prior)];
             let sizes = Matrix3::from_diagonal(&Vector3::from(sizes));
             let factored = Cholesky::new(Matrix3::identity() + sizes * gram * sizes)?;
-            // By the factors: the product with the inverse would lose the small differences of large evidences.
+            // Solves with the factors: a product with the inverse would lose the small differences between large
+            // evidences.
             let mean = sizes * factored.solve(&(sizes * along));
             let evidence = 0.5 * (along.dot(&mean) - factored.ln_determinant());
             let log_weight = evidence + priors.iter().product::<f64>().ln();

@@ -16,8 +16,8 @@ pub struct Series {
     temperature_c: Columns<1>,
     /// Whether the board's filter estimates the gyroscope's bias itself.
     learns_bias: bool,
-    /// Integrals of the rates about the body's x and y, minus the angles by which the attitude turned about them, degrees.
-    /// They grow with the bias, which the board's filter holds back. Empty if the frames have no rates.
+    /// Integrals of the rates about the body's x and y, minus the attitude's rotation about these axes, degrees. They
+    /// grow with the bias, which the board's filter cancels. Empty if the frames have no rates.
     gyro_minus_attitude_deg: Columns<2>,
     /// Integrals of the rates about the body's x and y, degrees.
     turned_lateral_deg: [f64; 2],
@@ -87,9 +87,9 @@ impl Series {
         self.held_back_dps(range)
     }
 
-    /// Returns the rates about the body's x and y that the board's filter holds back: those of the gyroscope less those of the
-    /// attitude, °/s. They are constant once the filter has settled, however the robot moves. `None` if the frames have no
-    /// rates.
+    /// Returns the rates about the body's x and y that the board's filter cancels: the gyroscope's rates minus the
+    /// attitude's, °/s. They are constant once the filter has settled, however the robot moves. `None` if the frames
+    /// have no rates.
     pub(crate) fn held_back_dps(&self, range: Range<f64>) -> Option<[f64; 2]> {
         let [x, y] = self.gyro_minus_attitude_deg.tracks().map(|track| track.slope(range.clone()));
         Some([x?, y?])

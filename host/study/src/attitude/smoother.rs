@@ -6,12 +6,13 @@
 //! - its change with the sensor's temperature, proportional to the warming in the log;
 //! - a random walk and flicker;
 //! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each, and a faster one after the run;
-//! - a share of the rates at which the tilt returns to rest, which takes the yaw along and which the axis reads besides;
+//! - a share of the rates at which the tilt returns to rest: the yaw follows the tilt, and the axis measures part of
+//!   it;
 //! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
 //!
 //! The result is linear in the observed rates (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for
-//! Machine Learning, 2006, eq. 2.25 and 2.26). The time constants and the sizes of the motions are not known: [`super::returns`]
-//! mixes over them.
+//! Machine Learning, 2006, eq. 2.25 and 2.26). The time constants and the sizes of the motions are not known:
+//! [`super::returns`] averages over them.
 
 use super::rest::Stretch;
 use super::returns::{self, Motions, Still};
@@ -23,13 +24,14 @@ use std::ops::Range;
 /// Standard deviation of the constant bias after the calibration, °/s.
 const BIAS_DPS: f64 = 1.0;
 
-/// Standard deviation of the change of the bias with temperature, °/s/°C: a tenth of what the data sheet's ±20 °/s over -40
-/// to 85 °C (PS-MPU-6000A, section 6.1) amounts to.
+/// Standard deviation of the change of the bias with temperature, °/s/°C: a tenth of the data sheet's ±20 °/s over -40
+/// to 85 °C (PS-MPU-6000A, section 6.1).
 pub const WARMING_DPS_PER_C: f64 = 0.03;
 
-/// Standard deviation of the share of the tilt's rates that the rate about an axis has at rest. The robot's yaw follows its
-/// returning tilt by some hundredths of its rate (`cargo test --release -p sim --test all returning_tilt -- --nocapture`), and the data sheet allows
-/// cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section 6.1).
+/// Standard deviation of the share of the tilt's rates in the rate about an axis at rest. The robot's yaw follows its
+/// returning tilt with some hundredths of the tilt's rate (`cargo test --release -p sim --test all returning_tilt --
+/// --nocapture`), and the data sheet allows cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section
+/// 6.1).
 const TILT_SHARE: f64 = 0.03;
 
 /// The rotation due to the bias, and its covariance, at each time of a grid. Zero at the reference time.
@@ -43,7 +45,7 @@ pub(super) struct Rotation {
     pub residual_dps: [f64; 2],
 }
 
-/// The times at which a rotation is wanted.
+/// The times at which to estimate the rotation.
 pub(super) struct Target<'a> {
     /// Times, ascending, s.
     pub times: &'a [f64],
@@ -55,8 +57,8 @@ pub(super) struct Target<'a> {
     pub bias_noise: BiasNoise,
 }
 
-/// Estimates the rotation that the bias about one axis causes. `motions` is `None` for an axis whose rates at rest have no
-/// motion in them. Returns `None` without stretches.
+/// Estimates the rotation that the bias about one axis causes. `motions` is `None` if the rates at rest about this axis
+/// contain no motion. Returns `None` without stretches.
 pub(super) fn rotation(
     stretches: &[Stretch],
     temperature_c: Track,
@@ -69,7 +71,7 @@ pub(super) fn rotation(
     // Each scaled to unit variance.
     let constant_and_warming = |k: usize, celsius: f64| [BIAS_DPS, WARMING_DPS_PER_C * (celsius - reference_c)][k];
     let n = stretches.len();
-    // Rates about their mean, so that the prior of the constant is about what is seen.
+    // Subtract the mean rate, so that the prior of the constant is centred on the observations.
     let offset = stretches.iter().map(|stretch| stretch.rate).sum::<f64>() / n as f64;
     let rates = DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.rate - offset));
     let seen = DMatrix::from_fn(n, 2, |i, k| constant_and_warming(k, temperature(&stretches[i].range)));
@@ -116,7 +118,8 @@ fn integrals(instants: DMatrix<f64>, target: &Target) -> DMatrix<f64> {
     sums
 }
 
-/// The part of the bias's noise in the covariance of the rates, of the wanted rotation with them, and of the rotation.
+/// The contribution of the bias noise to three covariances: of the rates, of the rotation with the rates, and of the
+/// rotation.
 struct Changes {
     own: DMatrix<f64>,
     cross: DMatrix<f64>,
@@ -147,7 +150,7 @@ fn changes(stretches: &[Stretch], target: &Target) -> Changes {
 mod tests {
     use super::*;
 
-    /// Two of the time constants that are tried first explain the rates equally well, and a third between them does better.
+    /// Two of the initial time constants explain the rates equally well, and a third between them does better.
     #[test]
     fn time_constant_between_those_that_are_tried_first_is_found() {
         let (run_s, after_s) = (20.0, 152.0);

@@ -1,14 +1,14 @@
-//! Whether a robot with its motors off is still, from the sensor alone and without a calibration.
+//! Decides whether a robot with its motors off is still, from the uncalibrated sensor alone.
 //!
-//! The return to rest is overdamped, so that one exponential remains at its end: the rate about the vertical is b + A
-//! exp(-t/τ), where b is the gyroscope's unknown bias, of up to 20 °/s, and A the robot's rate at present, t = 0. The tilt by
-//! the accelerometer, whose offset is unknown too, is c + D exp(-t/τ), and its rate at present D/τ. Both follow by least
-//! squares from the longest stretch before the present that one exponential describes as well as the noise allows: a longer
-//! one begins with faster motions, or a push. The bound on a rate is its amount plus twice its standard deviation, the
-//! largest for all time constants that describe the stretch about as well as the best one.
+//! The return to rest is overdamped, so one exponential remains at its end: the rate about the vertical is b + A
+//! exp(-t/τ), where b is the gyroscope's unknown bias, of up to 20 °/s, and A the robot's rate at present, t = 0. The
+//! accelerometer's tilt, with an unknown offset too, is c + D exp(-t/τ), and its present rate is D/τ. Both are fitted
+//! by least squares to the longest stretch up to the present that one exponential describes within the noise: a longer
+//! stretch begins with faster motions, or a push. The bound on a rate is its magnitude plus two standard deviations,
+//! maximised over all time constants that fit the stretch about as well as the best one.
 //!
-//! A return to rest with a time constant of a minute looks like a bias for long, so that a robot which is still is known to
-//! be so after 10 s with an MPU6050 as in its data sheet, and after 20 s with one that is three times as noisy.
+//! At first, a return to rest with a time constant of a minute looks like a bias. So a still robot is only recognised
+//! after 10 s with an MPU6050 as in its data sheet, and after 20 s with a three times noisier one.
 
 use std::collections::VecDeque;
 
@@ -21,21 +21,21 @@ pub const STILL_TILT_DPS: f64 = 0.01;
 /// Length of the blocks of readings, s.
 const BLOCK_S: f64 = 0.5;
 
-/// Least and largest number of blocks in a stretch, and the step between those that are tried.
+/// Smallest and largest number of blocks in a stretch, and the step between the lengths tried.
 const LEAST: usize = 12;
 const MOST: usize = 60;
 const STEP: usize = 6;
 
-/// A gap between two readings after which nothing is known of the motion, s.
+/// Longest gap between two readings, s. After a longer gap the motion is unknown.
 const GAP_S: f64 = 1.0;
 
-/// Time constants of a return to rest: the shortest, s, the ratio of each to the one before, and their number. The longest is
+/// Time constants of a return to rest: the shortest, s, the ratio of successive ones, and their number. The longest is
 /// a minute.
 const SHORTEST_S: f64 = 1.5;
 const RATIO: f64 = 1.12;
 const TIME_CONSTANTS: i32 = 34;
 
-/// Standard deviation of a block's mean that is assumed at least: rate, °/s, and tilt, degrees. The MPU6050's noise densities
+/// Smallest assumed standard deviation of a block's mean: rate, °/s, and tilt, degrees. The MPU6050's noise densities
 /// are 0.005 °/s/√Hz and 400 µg/√Hz (data sheet PS-MPU-6000A, sections 6.1 and 6.2), one-sided.
 const RATE_NOISE_DPS: f64 = 0.005;
 const TILT_NOISE_DEG: f64 = 0.0229;
@@ -43,18 +43,18 @@ const TILT_NOISE_DEG: f64 = 0.0229;
 /// Largest residual of a stretch, relative to the noise.
 const QUIET: f64 = 1.5;
 
-/// A time constant is possible if its sum of squares is within this many variances of the least one.
+/// A time constant is possible if its sum of squares exceeds the smallest one by at most this many variances.
 const POSSIBLE: f64 = 16.0;
 
-/// Standard deviations in a bound.
+/// Number of standard deviations in a bound.
 const COVERAGE: f64 = 2.0;
 
 /// Upper bounds on the rates at which a robot may still move.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Motion {
-    /// Of the yaw.
+    /// Bound for the yaw.
     pub yaw_dps: f64,
-    /// Of the tilt.
+    /// Bound for the tilt.
     pub tilt_dps: f64,
 }
 
@@ -80,9 +80,9 @@ struct Block {
 /// Judges whether a robot is still, reading by reading.
 #[derive(Clone, Debug, Default)]
 pub struct Still {
-    /// The latest blocks, the latest one last; without a count where all readings are missing.
+    /// The latest blocks, the latest one last; a block without readings has a count of zero.
     blocks: VecDeque<Block>,
-    /// The block that is not complete, with its start.
+    /// The incomplete block, with its start.
     open: Option<(f64, Block)>,
     last_s: Option<f64>,
 }
@@ -100,7 +100,7 @@ impl Still {
         let passed = ((time_s - start_s + 1e-6) / BLOCK_S).floor();
         if passed >= 1.0 {
             self.blocks.push_back(block);
-            // Readings may be missing in whole blocks.
+            // Whole blocks of readings may be missing.
             (1..passed as usize).for_each(|_| self.blocks.push_back(Block::default()));
             while self.blocks.len() > MOST {
                 self.blocks.pop_front();
@@ -115,19 +115,19 @@ impl Still {
         self.open = Some((start_s, block));
     }
 
-    /// Discards what was seen: the motors have turned, or the rates have another bias from here on.
+    /// Discards all readings, because the motors have turned or the bias of the rates has changed.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
 
-    /// Returns the bounds on the robot's motion at present; `None` if the readings are too few to tell.
+    /// Returns the bounds on the robot's present motion; `None` if there are too few readings.
     pub fn motion(&self) -> Option<Motion> {
         let tilt = |k: usize| self.bound(k, TILT_NOISE_DEG, |tau_s| 1.0 / tau_s);
         Some(Motion { yaw_dps: self.bound(0, RATE_NOISE_DPS, |_| 1.0)?, tilt_dps: tilt(1)?.hypot(tilt(2)?) })
     }
 
-    /// Returns the bound on a quantity: the amount at present of what decays in the means of the blocks, times `factor` of its
-    /// time constant.
+    /// Returns the bound on a quantity: the present amplitude of the decay in the means of the blocks, times `factor`
+    /// of its time constant.
     fn bound(&self, k: usize, noise: f64, factor: impl Fn(f64) -> f64) -> Option<f64> {
         let longest = self.blocks.len().checked_sub(LEAST)? / STEP * STEP + LEAST;
         (LEAST..=longest).rev().step_by(STEP).find_map(|count| {
@@ -154,7 +154,7 @@ impl Still {
     }
 }
 
-/// Returns the variance of the noise of values by their second differences, in which slow changes cancel.
+/// Returns the noise variance of values from their second differences, in which slow changes cancel.
 fn roughness(values: &[f64]) -> f64 {
     let squares = values.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2));
     squares.sum::<f64>() / (6.0 * (values.len() as f64 - 2.0))

@@ -10,7 +10,7 @@ pub fn student_95(degrees_of_freedom: f64) -> f64 {
         return NORMAL;
     }
     if f < FEW.len() as f64 {
-        // The quantile falls about as a power of the freedom.
+        // The quantile falls about as a power of the degrees of freedom.
         let (i, whole) = (f as usize - 1, f.floor());
         return FEW[i] * (FEW[i + 1] / FEW[i]).powf((f / whole).ln() / ((whole + 1.0) / whole).ln());
     }

@@ -77,7 +77,7 @@ impl<const N: usize> Columns<N> {
         Some(GAP_S.max(GAP_INTERVALS * self.interval_s()?))
     }
 
-    /// Returns whether each of the times is not within a gap, where a value would be interpolated.
+    /// Returns, for each of the times, whether it is outside all gaps; within a gap, a value would be interpolated.
     pub fn are_seen(&self, times: impl Iterator<Item = f64>) -> Vec<bool> {
         let longest_s = self.longest_step_s().unwrap_or(f64::INFINITY);
         let is_seen = |time: f64| {
@@ -88,7 +88,7 @@ impl<const N: usize> Columns<N> {
         times.map(is_seen).collect()
     }
 
-    /// Returns the columns with a row of NaN in each gap, so that no line is drawn across it.
+    /// Returns the columns with a row of NaN in each gap, so no line is drawn across it.
     #[must_use]
     pub fn broken_at_gaps(&self) -> Self {
         let Some(longest_s) = self.longest_step_s() else { return self.clone() };
@@ -104,7 +104,7 @@ impl<const N: usize> Columns<N> {
         broken
     }
 
-    /// Returns at most about `most` rows, evenly chosen, with the last row and the start of every gap among them.
+    /// Returns about `most` evenly chosen rows at most, including the last row and the start of every gap.
     #[must_use]
     pub fn sampled(&self, most: usize) -> Self {
         let rows = self.len();
@@ -151,8 +151,8 @@ impl Track<'_> {
         Some(if *t1 > t0 { v0 + (v1 - v0) * (time_s - t0) / (t1 - t0) } else { *v1 })
     }
 
-    /// Returns the mean over a range of time by the trapezium rule, which weights values by time, so that lost frames
-    /// do no harm.
+    /// Returns the mean over a range of time by the trapezium rule. It weights values by time, so lost frames do no
+    /// harm.
     pub fn mean(&self, range: Range<f64>) -> Option<f64> {
         let length = range.end - range.start;
         let (mut t0, mut v0) = (range.start, self.at(range.start)?);
@@ -201,7 +201,7 @@ mod tests {
     }
 
     proptest! {
-        /// The mean over two adjacent ranges is that over both.
+        /// Means over adjacent ranges, weighted by length, add up.
         #[test]
         fn means_of_adjacent_ranges_add_up(values in prop::collection::vec(-1e3..1e3, 2..200), parts in [0.0..1.0f64, 0.0..1.0, 0.0..1.0]) {
             let columns = columns(&values);

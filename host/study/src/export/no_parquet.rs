@@ -1,4 +1,4 @@
-//! Stands for Parquet in a program that was built without it.
+//! Stand-in for the Parquet module in a program built without it.
 
 use super::table::Table;
 use std::fs::File;
@@ -11,7 +11,7 @@ pub(super) fn write(_table: &Table, _target: impl Write + Send) -> io::Result<()
     Err(io::Error::other(MISSING))
 }
 
-/// Never made.
+/// Never constructed.
 pub(crate) struct Writer<W>(PhantomData<W>);
 
 impl<W: Write + Send> Writer<W> {

@@ -1,5 +1,5 @@
-//! Tables as Apache Parquet, with the header in the file's metadata under the key `about`, and under `columns` unit
-//! and description of each column as JSON where the table has units.
+//! Tables as Apache Parquet. The file's metadata holds the header under the key `about` and, if the table has units,
+//! the unit and description of each column under `columns`, as JSON.
 
 use super::table::{Column, Table, Values};
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
@@ -97,7 +97,7 @@ fn start<W: Write + Send>(table: &Table, target: W) -> Result<SerializedFileWrit
     SerializedFileWriter::new(target, Arc::new(schema), Arc::new(properties))
 }
 
-/// Returns the table of a file. A missing number is NaN; whole numbers that may be missing are real ones.
+/// Returns the table of a file. Missing numbers become NaN; a column of integers that may be missing becomes real.
 ///
 /// # Errors
 /// Why it cannot be read.
@@ -131,7 +131,7 @@ pub(crate) fn read(file: File) -> Result<Table, String> {
     Ok(table)
 }
 
-/// Adds a value to a column of its type. What is neither text nor number is missing.
+/// Adds a value to a column of its type. Values other than text and numbers count as missing.
 fn push(values: &mut Values, field: &Field) {
     let number = match field {
         Field::Double(value) => *value,

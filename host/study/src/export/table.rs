@@ -8,7 +8,7 @@ use biflag_log::ImportMeta;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Times that differ by less are the same, s: the board's clock counts microseconds.
+/// Times that differ by no more than this are the same, s: the board's clock counts microseconds.
 const SAME_S: f64 = 4e-6;
 
 /// A column.
@@ -16,7 +16,7 @@ const SAME_S: f64 = 4e-6;
 pub struct Column {
     /// Name, with the unit.
     pub name: Cow<'static, str>,
-    /// The unit alone, for the column's metadata; empty where the table has none.
+    /// The unit alone, for the column's metadata; empty if the table has none.
     pub unit: Cow<'static, str>,
     /// Description, for the header.
     pub about: Cow<'static, str>,
@@ -25,7 +25,7 @@ pub struct Column {
 }
 
 impl Column {
-    /// Returns a column of a table whose names have the units.
+    /// Returns a column of a table with the units in its column names.
     fn new(name: &'static str, about: &'static str, values: Values) -> Self {
         Self { name: name.into(), unit: "".into(), about: about.into(), values }
     }
@@ -34,7 +34,7 @@ impl Column {
 /// The values of a column.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Values {
-    /// Real numbers that were measured, which CSV rounds to nine decimals; NaN is a missing value.
+    /// Measured real numbers, which CSV rounds to nine decimals; NaN is a missing value.
     Real(Vec<f64>),
     /// Real numbers with all their digits; NaN is a missing value.
     Exact(Vec<f64>),
@@ -45,7 +45,7 @@ pub enum Values {
 }
 
 impl Values {
-    /// Returns the values as real numbers; of texts those that are numbers, and NaN for the others.
+    /// Returns the values as real numbers. Text that is not a number gives NaN.
     pub fn numbers(&self) -> Vec<f64> {
         match self {
             Self::Real(values) | Self::Exact(values) => values.clone(),
@@ -172,8 +172,8 @@ struct Row {
 }
 
 fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
-    // Each reading since the calibration has one row of angles. Those of a model are messages of their own, and damage to
-    // its log may take one without the other.
+    // Each reading since the calibration has one row of angles. A model's angles are separate messages, so damage to
+    // its log may remove one and leave the other.
     let first = if data.is_model() { 0 } else { data.calibrated };
     let shift_s = data.readings.get(first).zip(zeroed.angles_deg.time_s.first()).map_or(0.0, |((t, _), s)| s - t);
     let row = |(i, (frame_s, reading)): (usize, &(f64, Reading))| {
@@ -193,7 +193,7 @@ fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     data.readings.iter().enumerate().map(row).collect()
 }
 
-/// Returns the index of a time, except for rounding.
+/// Returns the index of a time, equal to within rounding.
 fn index_at(times_s: &[f64], time_s: f64) -> Option<usize> {
     let index = times_s.partition_point(|time| *time < time_s - SAME_S);
     times_s.get(index).is_some_and(|time| (time - time_s).abs() <= SAME_S).then_some(index)
@@ -305,7 +305,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// `trial` is that of the plan, because the log may have lost it; `file` is where the trial was exported to.
+    /// `trial` comes from the plan, because the log may have lost it; `file` is the file that the trial was exported
+    /// to.
     pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
         Self {
             name: trial.name.clone(),
@@ -415,7 +416,7 @@ mod tests {
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Truth, event::Kind};
     use biflag_log::{FORMAT, Identity, Origin};
 
-    /// Damage to the log of a model may take the truth of a sample and leave its frame, or the other way round.
+    /// Damage to a model's log may remove a sample's truth and leave its frame, or the reverse.
     #[test]
     fn values_of_different_times_are_never_in_one_row() {
         let mut collector = Collector::new(Want::default(), FORMAT);

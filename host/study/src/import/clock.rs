@@ -1,9 +1,9 @@
-//! The clock of a table beside a recording of the same trial, found by the yaw that both have measured.
+//! Finds the clock of a table relative to a recording of the same trial, from the yaw that both have measured.
 //!
 //! The yaws are ψ(t) of the recording and ψ'(t') of the table. With the time t' from the table's middle, the clock is
-//! t = d + (1 + r) t', and ψ'(t') = ψ(t) + c + e t': the instruments have another zero c, and the gyroscope drifts by e. A
-//! search over d and r finds where the residuals are smallest; a fit by least squares from there gives all four numbers and
-//! their uncertainties.
+//! t = d + (1 + r) t', and ψ'(t') = ψ(t) + c + e t': the instruments' zeros differ by c, and the gyroscope drifts by e.
+//! A search over d and r finds the smallest residuals; a least-squares fit from there gives all four numbers and their
+//! uncertainties.
 
 use super::{ImportError, State, States};
 use crate::attitude::{Columns, Track};
@@ -16,41 +16,41 @@ use std::fmt;
 /// Interval of the search, s.
 const STEP_S: f64 = 0.1;
 
-/// Largest deviation of the rates of two clocks, and the interval of the search: over two minutes, 0.1 s.
+/// Largest difference between the rates of two clocks, and the step of the search: 0.1 s over two minutes.
 const MOST_RATE: f64 = 0.01;
 const RATE_STEP: f64 = 0.001;
 
-/// Least time that both have measured, s, and as a share of the shorter one.
+/// Shortest time common to both, s, and as a share of the shorter one.
 const LEAST_S: f64 = 20.0;
 const LEAST_SHARE: f64 = 0.5;
 
-/// Least motion of the yaw that tells the time: its standard deviation, degrees.
+/// Smallest motion of the yaw that determines the time: its standard deviation, degrees.
 const LEAST_MOTION_DEG: f64 = 1.0;
 
-/// Residuals beyond this share of the motion are not of the same trial.
+/// Residuals above this share of the motion belong to another trial.
 const MOST_RESIDUAL: f64 = 0.2;
 
-/// Another time than the best is possible if its residuals are at most this many times as large, or larger by less than
-/// this, degrees.
+/// Another time is also possible if its residuals exceed the best ones by at most this factor, or by less than this,
+/// degrees.
 const AMBIGUOUS: f64 = 1.5;
 const AMBIGUOUS_DEG: f64 = 0.05;
 /// Times closer than this are the same, s.
 const SAME_S: f64 = 0.5;
 
-/// How the clock of a table runs beside that of a recording. Uncertainties are standard ones.
+/// The clock of a table relative to a recording's. Uncertainties are standard uncertainties.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Clock {
     /// Time of the recording at the table's zero, s.
     pub offset_s: f64,
     /// Its uncertainty.
     pub offset_u_s: f64,
-    /// The middle of the table by its own clock, s, where the recording's time is known best.
+    /// The middle of the table by its own clock, s, where the recording's time is best known.
     pub middle_s: f64,
     /// The recording's time there, s.
     pub at_middle_s: f64,
     /// Its uncertainty.
     pub at_middle_u_s: f64,
-    /// How much faster the time of the recording passes than the table's, 10⁻⁶.
+    /// Relative rate by which the recording's time passes faster than the table's, 10⁻⁶.
     pub rate_ppm: f64,
     /// Its uncertainty.
     pub rate_u_ppm: f64,
@@ -58,7 +58,7 @@ pub struct Clock {
     pub drift_dps: f64,
     /// Its uncertainty.
     pub drift_u_dps: f64,
-    /// What is left of the difference between both yaws, RMS.
+    /// Remaining difference between both yaws, RMS.
     pub rms_deg: f64,
     /// Rows of the table within the recording.
     pub rows: usize,
@@ -71,7 +71,7 @@ impl Clock {
     }
 }
 
-/// A recording of the same trial as a table's.
+/// A recording of the trial of a table.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Beside {
     /// File name of the recording.
@@ -84,10 +84,10 @@ pub struct Beside {
 
 impl Beside {
     /// Puts the states of a table on the clock of a recording, with the motion of its motors. States before and after the
-    /// recording are left out. `table` is what errors call the table.
+    /// recording are left out. `table` is the table's name in errors.
     ///
     /// # Errors
-    /// [`ImportError::Table`] if the yaws do not tell the time.
+    /// [`ImportError::Table`] if the yaws do not determine the clock.
     pub fn put(states: States, recording: &Data, table: &str) -> Result<(States, Self), ImportError> {
         let mut yaw = Columns::<1>::default();
         states.rows.iter().for_each(|state| yaw.push(state.time_s, [state.angles_deg[0]]));
@@ -140,12 +140,12 @@ impl fmt::Display for Beside {
     }
 }
 
-/// Finds the clock of a table's yaw beside a recorded one.
+/// Finds the clock of a table from its yaw and the recorded yaw.
 fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
     let fails = |reason: String, help| ImportError::table(name, reason, help);
     let of_other = "name a table with the yaw of this trial, from before the run until after it";
     let (grid, inside) = (Grid::of(log), Grid::of(table));
-    // A table may be of a part of the recording, which then moves less, and the reverse.
+    // A table may cover part of the recording, with less motion, or the reverse.
     let motion_deg = deviation(&grid.yaw).min(deviation(&inside.yaw));
     if motion_deg < LEAST_MOTION_DEG {
         let reason = "its yaw, or the recorded one, hardly changes: that does not tell its clock".to_owned();
@@ -186,7 +186,7 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
         return Err(fails(reason, "name a table that begins before the run: its start tells the time"));
     }
     let middle_s = 0.5 * (table.span().start + table.span().end);
-    // The lag of the search is that of the table's first row.
+    // The lag of the search refers to the table's first row.
     let start_s = log.span().start + best.1 * STEP_S;
     let shift_s = start_s + (1.0 + best.2) * (middle_s - table.span().start);
     let clock = fit(table, log, middle_s, [shift_s, best.2]);
@@ -213,9 +213,9 @@ impl Grid {
         Self { yaw }
     }
 
-    /// Returns the standard deviation of `table` less this yaw about their straight line, with the table's first value at the
-    /// index `lag` and later ones `1 + rate` apart; `None` with less than `least` values in common, or if this yaw changes too
-    /// little there.
+    /// Returns the standard deviation of `table` minus this yaw about a straight line, with the table's first value at
+    /// the index `lag` and later ones `1 + rate` apart; `None` if they have fewer than `least` values in common, or if
+    /// this yaw changes too little there.
     fn residual(&self, table: &Self, lag: f64, rate: f64, least: usize, least_motion_deg: f64) -> Option<f64> {
         let [mut n, mut t, mut tt] = [0.0; 3];
         let [mut e, mut te, mut ee, mut y, mut ty, mut yy] = [0.0; 6];
@@ -251,7 +251,7 @@ fn deviation(values: &[f64]) -> f64 {
     grid.residual(&Grid { yaw: values.to_vec() }, 0.0, 0.0, 3, 0.0).unwrap_or(0.0)
 }
 
-/// Fits time and rate of the table's middle from a start, together with zero and drift.
+/// Fits the time of the table's middle and the rate from initial values, together with zero and drift.
 fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2]) -> Option<Clock> {
     /// Half the interval of a difference quotient, s.
     const H_S: f64 = 0.05;
@@ -290,7 +290,7 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
     let square: f64 = residuals.iter().map(|residual| residual * residual).sum();
     let variance = square / (count - 4.0).max(1.0) * rows_for_one(&residuals);
     let covariance = normal.try_inverse()? * variance;
-    // The offset is that of the table's zero, not of its middle.
+    // The offset refers to the table's time zero, not to its middle.
     let to_zero = Vector4::new(1.0, -middle_s, 0.0, 0.0);
     Some(Clock {
         offset_s: shift_s - (1.0 + rate) * middle_s,
@@ -307,8 +307,8 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
     })
 }
 
-/// Returns how many rows stand for one with an error of its own: the sum of the autocorrelations of the residuals, up to the
-/// first that is not positive.
+/// Returns the number of rows per independent error: the sum of the residuals' autocorrelations, up to the first that
+/// is not positive.
 fn rows_for_one(residuals: &[f64]) -> f64 {
     let product = |lag: usize| residuals.iter().zip(&residuals[lag..]).map(|(a, b)| a * b).sum::<f64>();
     let square = product(0).max(f64::MIN_POSITIVE);
@@ -338,7 +338,7 @@ mod tests {
         columns
     }
 
-    /// Numbers of no pattern from -0.5 to 0.5, by the golden ratio.
+    /// Returns pseudo-random numbers from -0.5 to 0.5, from the golden ratio.
     fn noise(i: usize) -> f64 {
         (i as f64 * 0.618_033_988_75).fract() - 0.5
     }
@@ -371,7 +371,7 @@ mod tests {
         }
     }
 
-    /// Errors that last for seconds leave fewer independent rows: the uncertainties grow by three.
+    /// Errors correlated over seconds leave fewer independent rows: the uncertainties grow by a factor of three.
     #[test]
     fn errors_that_last_make_the_uncertainties_larger() {
         let log = track(0.0, 110.0, 0.005, |time, _| yaw(time));
@@ -397,7 +397,7 @@ mod tests {
         };
         assert!(refused(&|_| 3.0, 100.0).contains("hardly changes"));
         assert!(refused(&|time| yaw(time + 21.0), 9.0).contains("less than 20 s in common"));
-        // The other sense, and another trial.
+        // The opposite sign, and another trial.
         assert!(refused(&|time| -yaw(time), 100.0).contains("at no time"));
         assert!(refused(&|time| 2.0 * yaw(0.5 * time), 100.0).contains("at no time"));
         // A recording that only wobbles.

@@ -33,11 +33,11 @@ pub enum ImportError {
     #[error("{table}: {reason}")]
     #[diagnostic(code(wrong_use))]
     Table {
-        /// What the table is called.
+        /// The table's name.
         table: String,
-        /// What is wrong, and where.
+        /// The error and its place.
         reason: String,
-        /// What to do.
+        /// The remedy.
         #[help]
         help: &'static str,
     },
@@ -64,7 +64,7 @@ impl ImportError {
         Self::Table { table: table.to_owned(), reason: reason.into(), help }
     }
 
-    /// Returns the diagnostic code of all but the errors of the disk.
+    /// Returns whether the error is wrong use: all are, except those of the disk.
     #[cfg(test)]
     pub(super) fn is_wrong_use(&self) -> bool {
         self.code().is_some_and(|code| code.to_string() == crate::WRONG_USE)

@@ -14,14 +14,15 @@ use std::ops::Range;
 use std::path::Path;
 use std::time::SystemTime;
 
-/// What a table does not say about its trial.
+/// Conditions of a trial that its table does not contain.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Conditions {
-    /// Speeds of flagella 1 and 2; `None`: those in the table.
+    /// Speeds of flagella 1 and 2; `None`: the table's speeds.
     pub speeds: Option<[CentiRpm; 2]>,
-    /// When the motors turn, by the clock of the table, s; `None`: when the table's motors do, or all the time.
+    /// Time in which the motors turn, by the clock of the table, s; `None`: when the table's motors turn, or all the
+    /// time.
     pub run_s: Option<Range<f64>>,
-    /// The motor that reverses, and the time from the start of the run after which it does, s.
+    /// The motor that reverses, and the time of the reversal, s from the start of the run.
     pub reverse: Option<(u8, f64)>,
     /// The robot.
     pub robot: RobotFile,
@@ -29,15 +30,15 @@ pub struct Conditions {
     pub uncertainty_deg: Option<[f64; 2]>,
     /// Temperature of the fluid, °C.
     pub temperature_c: Option<f64>,
-    /// Anything worth knowing later.
+    /// A free note.
     pub note: String,
     /// The recording of the same trial, if the states were put on its clock ([`Beside::put`]).
     pub beside: Option<Beside>,
 }
 
 impl Conditions {
-    /// Returns the conditions with speeds, run, reversal and robot of a recording, on whose clock the states are. A table that
-    /// ends before the run has its part of the run.
+    /// Returns the conditions with speeds, run, reversal and robot of a recording. The states must be on the
+    /// recording's clock. If the table ends during the run, the run is cut there.
     ///
     /// # Errors
     /// [`ImportError::Table`] if the states begin in the run.
@@ -75,7 +76,7 @@ pub struct Imported {
     pub samples: usize,
 }
 
-/// Writes the log of a trial with these states to `path`, which must not exist. `table` is what errors call the table.
+/// Writes the log of a trial with these states to `path`, which must not exist. `table` is the table's name in errors.
 ///
 /// # Errors
 /// [`ImportError`]; nothing is written then.

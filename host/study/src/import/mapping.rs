@@ -1,4 +1,4 @@
-//! Which column of a table holds which quantity, in which unit and with which sign.
+//! Maps columns of a table to quantities, with their units and signs.
 
 use super::ImportError;
 use std::f64::consts::TAU;
@@ -16,11 +16,11 @@ pub enum Quantity {
     Quaternion(usize),
     /// Speed of flagellum 1 or 2 (0, 1).
     Speed(usize),
-    /// Turns of shaft 1 or 2 (0, 1) since some moment.
+    /// Turns of shaft 1 or 2 (0, 1) from any starting point.
     Turns(usize),
 }
 
-/// Units of a quantity, each with what one of it is in the first.
+/// Units of a quantity, each with its factor to the first unit.
 type Units = &'static [(&'static str, f64)];
 
 /// Name, quantity and units.
@@ -45,7 +45,7 @@ const NUMBER: Units = &[("1", 1.0)];
 const SPEED: Units = &[("rpm", 1.0), ("rps", 60.0), ("deg/s", 1.0 / 6.0), ("rad/s", 60.0 / TAU)];
 const TURNS: Units = &[("turns", 1.0), ("deg", 1.0 / 360.0), ("rad", 1.0 / TAU)];
 
-/// Where the value of a quantity is taken from.
+/// The source of a quantity's value.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum Place {
     /// A column with this name.
@@ -56,21 +56,21 @@ pub(super) enum Place {
     Constant(f64),
 }
 
-/// The value of a quantity: where it is taken from, and its sign and unit.
+/// The value of a quantity: its source, sign and unit.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Value {
     pub quantity: Quantity,
     pub name: &'static str,
     pub from: Place,
-    /// The value in the quantity's first unit is that in the table times this.
+    /// Factor that converts the table's value to the quantity's first unit.
     pub factor: f64,
     unit: &'static str,
 }
 
-/// Which column holds which quantity: `time=t,yaw=-psi:rad,pitch=theta,roll=#4,w1=speed1`.
+/// The mapping of columns to quantities: `time=t,yaw=-psi:rad,pitch=theta,roll=#4,w1=speed1`.
 ///
 /// A minus reverses the sign. A unit follows a colon; without it, times are in s, angles in degrees, speeds in rpm and
-/// angles of shafts in turns. `#4` is the fourth column, and a number is a value that all rows have.
+/// angles of shafts in turns. `#4` is the fourth column, and a number is a constant for all rows.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Mapping {
     pub(super) values: Vec<Value>,

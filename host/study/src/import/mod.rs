@@ -1,8 +1,8 @@
-//! Makes a trial's log of what other instruments measured: a camera, another laboratory's rig, a published table.
+//! Creates a trial's log from measurements of other instruments: a camera, another laboratory's rig, a published table.
 //!
-//! A [`Mapping`] says which column of a table holds which quantity. The [`states`](Table::states) of its rows, with the
-//! [`Conditions`] of the trial, become a log ([`write()`]), which every command reads as it reads a recording.
-//! A table of a trial that the board has recorded as well is put on that recording's clock ([`Beside`]).
+//! A [`Mapping`] assigns the columns of a table to quantities. The [`states`](Table::states) of its rows, with the
+//! [`Conditions`] of the trial, become a log ([`write()`]), which every command reads like a recording. If the board
+//! has also recorded the trial, the table is put on that recording's clock ([`Beside`]).
 
 mod clock;
 mod error;

@@ -1,29 +1,29 @@
-//! When the motors turn in a table, how fast, and how far.
+//! Finds the run in a table, with the motors' speeds and turns.
 
 use super::{ImportError, State, States};
 use protocol::units::CentiRpm;
 use std::ops::Range;
 
-/// Smallest speed of a motor that turns, rpm, and as a share of the fastest one.
+/// Smallest speed of a turning motor, rpm, and as a share of the fastest speed.
 const MOVING_RPM: f64 = 0.5;
 const MOVING_SHARE: f64 = 0.05;
 
-/// Time over which speeds are taken, s.
+/// Averaging time of the speeds, s.
 const SMOOTH_S: f64 = 0.3;
 
-/// Fastest motor that a table may have, rpm: that of the board.
+/// Fastest speed in a table, rpm: the board's limit.
 const FASTEST_RPM: f64 = 90.0;
 
-/// Deviation from the speed of the run, in rpm and as a share, from which on a motor slows down.
+/// Deviation from the speed of the run, in rpm and as a share, above which a motor is slowing down.
 const SLOWER_RPM: f64 = 0.5;
 const SLOWER_SHARE: f64 = 0.05;
 
-/// The longest that motors take to stop, s.
+/// Longest time that motors take to stop, s.
 const SLOWING_S: f64 = 5.0;
 
 /// The run in a table, and the motion of the shafts.
 pub(super) struct Run {
-    /// When the motors turn, by the clock of the table, s.
+    /// Time in which the motors turn, by the clock of the table, s.
     pub run: Range<f64>,
     /// Speeds, as far as they are known.
     pub speeds: [CentiRpm; 2],
@@ -32,7 +32,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// Finds the run in the states of a table, unless it is given; then the speeds, unless they are given, too.
+    /// Finds the run in the states of a table, unless it is given; then the speeds, unless they are given.
     pub(super) fn of(
         states: &States,
         speeds: Option<[CentiRpm; 2]>,
@@ -104,7 +104,7 @@ fn measured_turns(rows: &[State]) -> Vec<[f64; 2]> {
     all
 }
 
-/// Returns the speed of each motor over the time before a row, rpm: single rows have the noise of their instrument.
+/// Returns the speed of each motor averaged over a short time before a row, rpm, because single rows are noisy.
 fn speeds_before(rows: &[State], turns: &[[f64; 2]], i: usize) -> [f64; 2] {
     let from = rows.partition_point(|state| state.time_s <= rows[i].time_s - SMOOTH_S).min(i - 1);
     let passed_s = rows[i].time_s - rows[from].time_s;
@@ -121,7 +121,7 @@ fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
     let mut moving = (0..speeds.len()).filter(is_moving);
     let first = moving.next()?;
     let last = moving.next_back().unwrap_or(first);
-    // The motors start within the time over which the first speed is taken.
+    // The motors start within the averaging time of the first speed.
     let at_rest = |i: &usize| {
         let passed_s = rows[i + 1].time_s - rows[*i].time_s;
         [0, 1].into_iter().all(|k| (60.0 * (turns[i + 1][k] - turns[*i][k]) / passed_s).abs() <= least)
@@ -130,8 +130,8 @@ fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
     Some(rows[start].time_s..rows[last + 1].time_s)
 }
 
-/// Returns the run without the time in which the motors slow down: until the last row at the speeds of its middle half. What
-/// takes longer to slow down is another speed, and stays in the run.
+/// Returns the run without the time in which the motors slow down: until the last row at the speeds of its middle half.
+/// A slower change counts as another speed, and stays in the run.
 fn without_end(rows: &[State], turns: &[[f64; 2]], run: Range<f64>) -> Range<f64> {
     let middle = mean_speeds(rows, turns, &run).map(CentiRpm::rpm);
     let is_at_speed = |i: &usize| {

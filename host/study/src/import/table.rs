@@ -7,13 +7,13 @@ use crate::text::hex;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// What a row without a value may hold.
+/// Cells that mean a missing value.
 const EMPTY: [&str; 5] = ["", "nan", "na", "null", "none"];
 
 /// Largest deviation of a quaternion's length from one.
 const QUATERNION: f64 = 0.05;
 
-/// Fastest shaft, rpm. A faster one is an angle that begins again after a turn.
+/// Fastest shaft, rpm. A faster change is an angle that wraps after a turn.
 const FASTEST_RPM: f64 = 200.0;
 
 /// The state of the robot at a time.
@@ -34,11 +34,11 @@ pub struct State {
 pub struct States {
     /// The states.
     pub rows: Vec<State>,
-    /// Number of rows that were left out because a value was missing.
+    /// Number of rows left out because of a missing value.
     pub left_out: u64,
-    /// The quantities for which a constant was given.
+    /// The quantities given as constants.
     pub constant: Vec<String>,
-    /// Which column held which quantity.
+    /// The mapping of columns to quantities.
     pub columns: String,
     /// Name of the file.
     pub source: String,
@@ -47,8 +47,8 @@ pub struct States {
 }
 
 impl States {
-    /// Checks states that are in the order of time and unwraps their yaw. `place` names the row of an index, and `table` the
-    /// table.
+    /// Checks states in order of time and unwraps their yaw. For errors, `place` names the row of an index, and `table`
+    /// the table.
     ///
     /// # Errors
     /// [`ImportError::Table`] if values are impossible.
@@ -114,8 +114,8 @@ impl Table {
     }
 
     /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
-    /// line holds the names of the columns, unless all its cells are numbers. The numbers of the columns, which programs write
-    /// for want of names, are names too.
+    /// line holds the names of the columns, unless all its cells are numbers. Column numbers, which programs write
+    /// instead of names, count as names, too.
     ///
     /// # Errors
     /// [`ImportError::Read`], [`ImportError::Table`].
@@ -146,7 +146,7 @@ impl Table {
     /// Returns the states of the rows. A row without a value is left out.
     ///
     /// # Errors
-    /// [`ImportError::Columns`] if the table has no such column, [`ImportError::Table`] if a cell is no number or a value is
+    /// [`ImportError::Columns`] if a column is missing, [`ImportError::Table`] if a cell is not a number or a value is
     /// impossible.
     pub fn states(&self, mapping: &Mapping) -> Result<States, ImportError> {
         let columns = mapping.values.iter().map(|value| self.column(value)).collect::<Result<Vec<_>, _>>()?;
@@ -255,7 +255,7 @@ impl Table {
     }
 }
 
-/// Returns whether the cells count the columns, from 0 or 1.
+/// Returns whether the cells number the columns, from 0 or 1.
 fn is_numbering(cells: &[String]) -> bool {
     let counts = |from: usize| cells.iter().enumerate().all(|(i, cell)| *cell == (i + from).to_string());
     cells.len() > 1 && (counts(0) || counts(1))
@@ -265,10 +265,10 @@ fn is_empty(cell: &str) -> bool {
     EMPTY.contains(&cell.to_lowercase().as_str())
 }
 
-/// Returns the most frequent separator of the first line that is no comment.
+/// Returns the most frequent separator of the first line that is not a comment.
 fn delimiter(text: &[u8]) -> u8 {
     let line = text.split(|byte| *byte == b'\n').find(|line| !line.is_empty() && line[0] != b'#').unwrap_or_default();
     let times = |separator: &u8| line.iter().filter(|byte| *byte == separator).count();
-    // Of equally many, the last one: the comma.
+    // On a tie, the last one wins: the comma.
     [b'\t', b';', b','].into_iter().max_by_key(times).unwrap_or(b',')
 }

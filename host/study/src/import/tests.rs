@@ -41,7 +41,7 @@ fn imported(columns: &str, conditions: &Conditions) -> (Imported, Data) {
     imported_without(0..0, columns, conditions)
 }
 
-/// As [`imported`], without these rows of the table.
+/// Like [`imported`], without these rows of the table.
 fn imported_without(lost: Range<usize>, columns: &str, conditions: &Conditions) -> (Imported, Data) {
     let folder = tempfile::tempdir().unwrap();
     let (csv, log) = (table(folder.path()), folder.path().join("camera.mcap"));
@@ -74,7 +74,7 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     assert!((camera.run_s.start - 6.95).abs() < 1e-9 && (camera.run_s.end - 11.0).abs() < 1e-9, "{camera:?}");
     assert!((data.duration_s - 6.0).abs() < 1e-9 && (data.times.run.start - 1.95).abs() < 1e-9, "{:?}", data.times);
     let zeroed = Zeroed::new(&data);
-    // Half a second of the ramp of the speeds' integral is 0.05 s.
+    // The yaw turns at 12 °/s from 2 s on, one row after the start of the run.
     for (time_s, angles) in [(1.0, [0.0, 0.0, 0.0]), (4.0, [24.0, 0.5, 0.0]), (6.0, [48.0, 1.0, 0.0])] {
         for (found, expected) in zeroed.at(time_s).into_iter().zip(angles) {
             assert!((found - expected).abs() < 0.02, "at {time_s}: {:?} for {angles:?}", zeroed.at(time_s));
@@ -260,7 +260,7 @@ fn the_run_ends_where_the_motors_slow_down() {
     assert!((w1 - 43.3).abs() < 0.1 && (w2 + 17.9).abs() < 0.1, "{imported:?}");
 }
 
-/// An instrument that loses the robot for a moment and then writes zeros; angles that are near zero are none of these.
+/// An instrument that loses the robot for a moment writes zeros; angles near zero are not affected.
 #[test]
 fn rows_of_zeros_beside_an_attitude_are_grave() {
     for (yaw_deg, lost, is_found) in [(2.0, 5, true), (2.0, 2, false), (0.2, 5, false)] {
@@ -282,7 +282,7 @@ fn rows_of_zeros_beside_an_attitude_are_grave() {
     }
 }
 
-/// Noise of the speeds is no motion, and a unit of turns a second is not believed.
+/// Noise of the speeds is not a motion, and a unit of turns per second is rejected.
 #[test]
 fn noisy_speeds_leave_the_rest_at_rest() {
     let folder = tempfile::tempdir().unwrap();

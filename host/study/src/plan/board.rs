@@ -13,11 +13,11 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use thiserror::Error;
 
-/// Settings to put in force; a setting that is left out keeps its value. Units and meaning as in [`Settings`].
+/// Settings to apply; a missing setting keeps its value. Units and meanings are those of [`Settings`].
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(deny_unknown_fields, default)]
 pub struct BoardSettings {
-    /// A number to tell boards apart.
+    /// A number that identifies the board.
     pub board_id: Option<u16>,
     /// 250, 500, 1000 or 2000 °/s.
     pub gyro_range_dps: Option<u16>,
@@ -25,7 +25,7 @@ pub struct BoardSettings {
     pub accel_range_g: Option<u8>,
     /// 0 (260 Hz) to 6 (5 Hz).
     pub low_pass: Option<u8>,
-    /// The sensor's axis that reads each body axis, such as `["-x", "+y", "+z"]`.
+    /// The sensor axis that measures along each body axis, such as `["-x", "+y", "+z"]`.
     #[serde(deserialize_with = "optional_array")]
     pub gyro_axes: Option<[String; 3]>,
     /// The same for the accelerometer.
@@ -52,14 +52,14 @@ pub struct BoardSettings {
     pub encoder_reversed: Option<[bool; 2]>,
     /// Longest silence of the host while the motors turn, ms.
     pub deadline_ms: Option<u16>,
-    /// Duties above which motors 1 and 2 turn if nothing holds them, of 255.
+    /// Duties above which motors 1 and 2 turn unless blocked, out of 255.
     #[serde(deserialize_with = "optional_array")]
     pub moving_duty: Option<[u8; 2]>,
     /// The chip's reference voltage, mV.
     pub bandgap_mv: Option<u16>,
 }
 
-/// A setting with a value that it cannot have.
+/// A setting with a value out of its range.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("{key} cannot be {value}")]
 #[diagnostic(code(wrong_use), help("{}", help(key).unwrap_or_default()))]
@@ -106,7 +106,7 @@ pub fn load(path: &Path) -> Result<BoardSettings, PlanError> {
 }
 
 impl BoardSettings {
-    /// Returns every setting of the board.
+    /// Returns all settings of the board.
     pub fn all(settings: &Settings) -> Self {
         let names = |axes: AxisMap| axes.0.map(|axis| axis.to_string());
         Self {
@@ -136,7 +136,7 @@ impl BoardSettings {
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// Returns the settings that affect the measurement: all but those of the board's protection.
+    /// Returns the settings that affect the measurement: all except the board's protection.
     pub fn of_the_data(&self) -> Self {
         Self { deadline_ms: None, moving_duty: None, bandgap_mv: None, ..self.clone() }
     }
@@ -191,7 +191,7 @@ impl BoardSettings {
         Ok(settings)
     }
 
-    /// Checks every value; `table` is where the settings stand in the file.
+    /// Checks every value; `table` is the path of the settings' table in the file.
     pub(super) fn check(&self, source: &Source, table: &[&str]) -> Result<(), PlanError> {
         self.apply(Settings::DEFAULT).map(|_| ()).map_err(|error| {
             let cure = help(error.key).unwrap_or_default();
@@ -206,7 +206,7 @@ fn set<T: Copy>(setting: &mut T, value: Option<T>) {
     }
 }
 
-/// Sets a number if there is a value for it. The range is checked even if the number stays.
+/// Sets a number if there is a value for it. The range is checked even if the number does not change.
 fn set_within<T: Into<f64> + Copy + Display + LowerExp + PartialOrd>(
     key: &'static str,
     setting: &mut T,
@@ -223,7 +223,7 @@ fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
     map.is_permutation().then_some(map)
 }
 
-/// The record of a board with these settings in force, without its fault log.
+/// Returns the record of a board with these settings, without its fault log.
 pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
     let [major, minor, patch] = info.firmware;
     let hash = hex(&info.git_hash);
@@ -248,7 +248,7 @@ pub fn angles_deg(info: &Info, settings: &Settings) -> Option<[f64; 2]> {
     info.angles_known.then(|| info.encoder.map(angle))
 }
 
-/// The settings that a log has of its board; `None` where they do not read.
+/// Returns the board's settings from its record in a log; `None` if they cannot be read.
 pub fn of_log(board: &BoardMeta) -> Option<Settings> {
     let file: BoardSettings = toml::from_str(&board.settings).ok()?;
     file.apply(Settings::DEFAULT).ok()

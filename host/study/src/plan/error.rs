@@ -1,4 +1,4 @@
-//! What can be wrong with a plan, a robot file, or a file of board settings. All of it is wrong use.
+//! Errors in a plan, a robot file, or a file of board settings. All of them count as wrong use.
 
 use super::Shipped;
 use biflag_log::similar::{did_you_mean, most_alike};
@@ -15,16 +15,16 @@ pub enum PlanError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What it was read as, such as `plan`.
+        /// Its expected kind, such as `plan`.
         noun: &'static str,
         /// Why.
         source: std::io::Error,
     },
-    /// Something in it is wrong.
+    /// The content is wrong.
     #[error("{place}: {what}")]
     #[diagnostic(code(wrong_use), help("{cure}"))]
     Invalid {
-        /// File, line and column; the file alone where no line is to blame.
+        /// File, line and column; only the file if the error belongs to no line.
         place: String,
         /// What is wrong.
         what: String,
@@ -33,7 +33,7 @@ pub enum PlanError {
     },
 }
 
-/// Says what to do about a file that cannot be read.
+/// Returns the help text for a file that cannot be read.
 fn cure(path: &Path, noun: &str) -> String {
     if path.is_dir() {
         let folder = path.display();

@@ -35,7 +35,7 @@ pub(super) struct TrialList<'a> {
     pub start: Start,
 }
 
-/// Where the flagella start in a model.
+/// The flagella's starting angles in a model.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Start {
     /// The plan does not say.
@@ -92,8 +92,8 @@ pub(super) fn expand(list: &TrialList, source: &Source) -> Result<Vec<Trial>, Pl
     Ok(trials)
 }
 
-/// Returns every pair of speeds of a table once, in the order of the file. `trials_per_pair` counts towards the limit of
-/// trials.
+/// Returns every pair of speeds in a table once, in the order of the file. `trials_per_pair` counts towards the limit
+/// of trials.
 pub(crate) fn pairs(
     speeds: Option<&Spanned<SpeedsTable>>,
     trials_per_pair: usize,
@@ -115,7 +115,7 @@ pub(crate) fn pairs(
             return Err(too_many(count, grid.w1.span(), source));
         }
         let second: Vec<_> = w2.speeds(source).collect::<Result<_, _>>()?;
-        // A listed pair that is a point of the grid too runs once.
+        // A listed pair that is also a point of the grid runs once.
         let listed: HashSet<_> = pairs.iter().map(|(pair, _)| *pair).collect();
         for first in w1.speeds(source) {
             let first = first?;
@@ -174,8 +174,7 @@ impl<'a> Axis<'a> {
             let step = number(step);
             return wrong(format!("{name} does not get from {first} to {last} in steps of {step}"));
         }
-        // A step that does not divide the range stops short of the last speed; one that does must reach it despite
-        // rounding.
+        // A step that divides the range must reach the last speed despite rounding; other steps stop short of it.
         let steps = ((last - first) / step + 1e-6).floor();
         if steps >= MAX_TRIALS as f64 {
             let step = number(step);
@@ -194,7 +193,7 @@ fn speed(rpm: f64, span: Range<usize>, source: &Source) -> Result<CentiRpm, Plan
     board_speed(rpm).map_err(|(what, cure)| source.error(span, what, cure))
 }
 
-/// Returns a speed as the board takes it, or what is wrong with it and how to correct it.
+/// Returns a speed in the board's unit, or the error and its correction.
 ///
 /// # Errors
 /// The speed is beyond [`CentiRpm::LIMIT`], finer than its resolution, or not a number.

@@ -1,4 +1,4 @@
-//! The plan's file: its tables, and the check of every value.
+//! The plan's file: its tables, with a check of every value.
 
 use super::board::{self, BoardSettings};
 use super::expand::{GRID_AXIS, SpeedsTable, Start, TrialList, expand};
@@ -157,7 +157,7 @@ impl Plan {
     }
 }
 
-/// Returns the error for the plan of a sweep, if it is one.
+/// Returns the error for a sweep's plan, if the file is one.
 fn of_sweep(source: &Source) -> Option<PlanError> {
     source.text.parse::<toml::Table>().ok()?.get("vary")?;
     let at = source.text.find("[vary").unwrap_or_default();

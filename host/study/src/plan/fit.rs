@@ -1,4 +1,4 @@
-//! `[fit]` of a robot file: which of its parameters `calibrate` has fitted, and how well they are known.
+//! `[fit]` of a robot file: the parameters that `calibrate` has fitted, and their uncertainties.
 
 use super::PlanError;
 use super::source::Source;
@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::params::Robot;
 
-/// Relative difference below which two values in a file are the same, although a program has rounded one of them.
+/// Relative difference up to which two values in a file are the same, because a program may have rounded one of them.
 const ROUNDED: f64 = 1e-4;
 
-/// What a robot file says about its fit.
+/// The fit of a robot's parameters, as its file states it.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 #[serde(deny_unknown_fields)]
 pub struct Fit {
-    /// The closure of the fit, for which alone its values hold.
+    /// The closure of the fit. Its values hold only for this closure.
     pub closure: Closure,
-    /// What the trials were of.
+    /// The kind of fitted trials.
     pub fitted_to: FittedTo,
     /// Whether the model describes the trials within their noise.
     pub is_described: bool,
@@ -27,22 +27,22 @@ pub struct Fit {
     pub temperature_c: Option<f64>,
     /// Degrees of freedom of the scatter of the residuals.
     pub degrees_of_freedom: f64,
-    /// Covariance of the parameters' errors, in their order: the unit of a row times that of a column.
+    /// Covariance of the parameters' errors, in their order. Units: the row's unit times the column's.
     pub covariance: Vec<Vec<f64>>,
-    /// The part of the covariance that is estimated from the scatter of the residuals.
+    /// The part of the covariance estimated from the scatter of the residuals.
     pub scatter_covariance: Vec<Vec<f64>>,
-    /// Whether the covariance lacks the correlations, as the comments of earlier versions do.
+    /// Whether the covariance lacks the correlations: earlier versions wrote comments without them.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub lacks_correlations: bool,
     /// The parameters.
     pub parameters: Vec<FittedParameter>,
 }
 
-/// What a robot was fitted to.
+/// The kind of fitted trials.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum FittedTo {
-    /// Trials of a real robot, which the model describes only up to its own error.
+    /// Trials of a real robot, which the model describes only to within its own error.
     Robot,
     /// Trials of a model, or of a simulated robot behind an emulated board.
     Simulation,
@@ -66,27 +66,27 @@ pub fn with_fit(robot: &Robot, fit: Option<&Fit>) -> String {
 pub struct FittedParameter {
     /// Its name in `calibrate --fit`.
     pub name: String,
-    /// Its key in the file; none for the mounting of the sensor.
+    /// Its key in the file; `None` for the mounting of the sensor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
-    /// Its unit, in which the numbers below are.
+    /// The unit of the numbers below.
     pub unit: String,
     /// The value that the fit started from.
     pub start: f64,
     /// The fitted value.
     pub value: f64,
-    /// Standard error, without the model's error: the root of its place in the covariance.
+    /// Standard error, without the model's error: the root of its variance in the covariance.
     pub std_error: f64,
     /// 95 % interval, with the model's error.
     pub interval_95: [f64; 2],
-    /// Possible change of the value by the model's error; none if it was fitted to a simulation.
+    /// Possible change of the value due to the model's error; `None` if it was fitted to a simulation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model_error: Option<f64>,
 }
 
 impl Fit {
-    /// Returns what the comments of a file say that an earlier version of `calibrate` wrote; `None` for any other file. They
-    /// say nothing of correlations.
+    /// Returns the fit from the comments of a file written by an earlier version of `calibrate`; `None` for any other
+    /// file. The comments do not state correlations.
     pub(super) fn of_comments(text: &str) -> Option<Self> {
         let parameters: Vec<FittedParameter> = text.lines().filter_map(FittedParameter::of_comment).collect();
         if parameters.is_empty() {
@@ -110,7 +110,7 @@ impl Fit {
         })
     }
 
-    /// Returns the parameters whose values in the robot's file are no longer those of the fit.
+    /// Returns the parameters whose values in the robot's file differ from the fit.
     pub fn changed(&self, robot: &Robot) -> Vec<&str> {
         let table = toml::Value::try_from(robot).ok();
         let is_changed = |parameter: &&FittedParameter| {
@@ -182,7 +182,7 @@ impl FittedParameter {
         let after = |words: &str| number(rest.split_once(words)?.1);
         let (value, std_error) = (number(rest)?, after(", standard error ")?);
         let unit = rest.split_once(' ').and_then(|(_, rest)| Some(rest.split_once(',')?.0)).unwrap_or_default();
-        // What is no parameter of the model has words in place of a key.
+        // A quantity that is not a parameter of the model has words in place of a key.
         (!key.contains(' ')).then(|| Self {
             name: name.to_owned(),
             key: Some(key.to_owned()),
@@ -247,7 +247,7 @@ mod tests {
     fn reformatted_file_says_the_same() {
         let (fit, text) = file();
         assert_eq!(read(&text).unwrap().unwrap(), fit, "{text}");
-        // Tables in another order, other spaces, no comments: what a program makes of it that knows TOML alone.
+        // Tables in another order, other spaces, no comments: the output of a program that only knows TOML.
         let reformatted = toml::to_string_pretty(&text.parse::<toml::Table>().unwrap()).unwrap();
         assert_ne!(reformatted, text);
         assert_eq!(read(&reformatted).unwrap().unwrap(), fit, "{reformatted}");

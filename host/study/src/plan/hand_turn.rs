@@ -28,8 +28,8 @@ pub struct HandTurn {
 }
 
 impl HandTurn {
-    /// Compares the measured turns about the body's axes with the true one. Returns a sentence, and whether they agree
-    /// within the tolerance of the sensor.
+    /// Compares the measured turns about the body's axes with the true turn. Returns a sentence, and whether they agree
+    /// within the sensor's tolerance.
     pub fn verdict(&self, turned_deg: [f64; 3]) -> (String, bool) {
         let (axis, name) = match self.axis {
             Axis::X => (0, "x"),

@@ -60,7 +60,7 @@ pairs = [[50, 15], [0, 45]]
 deadline_ms = 500
 "#;
 
-/// The most trials that a plan may have.
+/// Largest number of trials in a plan.
 pub const MAX_TRIALS: usize = 10_000;
 
 /// A plan, checked and expanded.
@@ -68,13 +68,13 @@ pub const MAX_TRIALS: usize = 10_000;
 pub struct Plan {
     /// `[session] name`; the name of the session's folder unless the user says otherwise.
     pub name: String,
-    /// Who runs it.
+    /// Name of the operator.
     pub operator: String,
-    /// Anything worth knowing later.
+    /// A free note.
     pub note: String,
     /// The robot.
     pub robot: RobotFile,
-    /// What was measured of the sensor: name and text of its file.
+    /// The measured sensor: name and text of its file.
     pub sensor: Option<MeasuredSensorMeta>,
     /// Seed that shuffles the trials; `None` keeps the order of the file.
     pub seed: Option<u64>,
@@ -106,13 +106,13 @@ pub struct Trial {
     pub phases: Phases,
     /// A motor that reverses during the run.
     pub reverse: Option<Reverse>,
-    /// Angles of flagella 1 and 2 from their marks at the start, degrees; `None` where the plan does not say: models then start
-    /// at zero, and a rig as its flagella stand.
+    /// Angles of flagella 1 and 2 from their marks at the start, degrees; `None` if the plan does not set them: models
+    /// then start at zero, a rig at the present angles.
     pub phase_deg: Option<[f64; 2]>,
 }
 
 impl Trial {
-    /// Returns whether another trial differs from this one in its starting phase alone, or not at all.
+    /// Returns whether another trial differs from this one at most in its starting phase.
     pub fn is_at_the_phases_of(&self, other: &Self) -> bool {
         (self.speeds, self.repeat) == (other.speeds, other.repeat)
     }
@@ -128,7 +128,7 @@ pub struct Reverse {
 }
 
 impl Reverse {
-    /// Returns the speeds after the reversal, given those before it.
+    /// Returns the speeds after the reversal, given the speeds before it.
     pub fn of(&self, mut before: [CentiRpm; 2]) -> [CentiRpm; 2] {
         if let Some(speed) = before.get_mut(usize::from(self.motor.wrapping_sub(1))) {
             speed.0 = -speed.0;
@@ -160,7 +160,7 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// Returns the phases of a run alone.
+    /// Returns the phases of a trial with only a run.
     pub fn of_run(run_s: f64) -> Self {
         Self { rest_at_most_s: 0.0, calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 }
     }
@@ -178,7 +178,8 @@ impl Default for Phases {
 }
 
 impl Plan {
-    /// Reads and checks a plan and the robot and sensor files that it names: files, or those inside the program ([`Shipped`]).
+    /// Reads and checks a plan and the robot and sensor files that it names: files on disk, or files inside the program
+    /// ([`Shipped`]).
     ///
     /// # Errors
     /// [`PlanError`].

@@ -1,11 +1,11 @@
-//! Whether a plan leaves its robot time to reach a steady attitude, and to come to rest between two runs.
+//! Checks whether a plan gives its robot enough time to reach a steady attitude, and to come to rest between two runs.
 
 use super::{Phases, Plan};
 use crate::text::decimal;
 use protocol::units::CentiRpm;
 use sim::return_to_rest::TimeConstants;
 
-/// Time constants of the robot in which a motion fades to less than a hundredth.
+/// Number of time constants in which a motion decays to less than a hundredth.
 const ENOUGH: f64 = 5.0;
 
 impl Plan {

@@ -16,7 +16,7 @@ pub const PHYSICAL: &str = "physical";
 /// The built-in robot with the laboratory's modelling choices, see [`Robot::published`].
 pub const PUBLISHED: &str = "published";
 
-/// A robot, as plans, sessions and logs keep it.
+/// A robot, as stored in plans, sessions and logs.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct RobotFile {
     /// Name of a built-in robot, or the path that the user gave.
@@ -26,13 +26,12 @@ pub struct RobotFile {
 }
 
 impl RobotFile {
-    /// Returns the robot of that name, which is not a file.
+    /// Returns the built-in robot of this name.
     pub fn built_in(name: &str) -> Self {
         Self { name: name.to_owned(), text: String::new() }
     }
 
-    /// Returns the robot of a log. A log without a robot was written before `physical` existed: its robot is
-    /// `published`.
+    /// Returns the robot of a log. A log without a robot is older than `physical`: its robot is `published`.
     pub fn of_log(record: Option<RobotMeta>) -> Self {
         match record {
             Some(RobotMeta { name, text }) if !name.is_empty() => Self { name, text },
@@ -48,7 +47,7 @@ impl RobotFile {
         Robot::built_in(&self.name).map_or_else(|| parse(&self.text, &self.name), Ok)
     }
 
-    /// Returns what the file says about the fit of its parameters.
+    /// Returns the fit of its parameters, if the file states one.
     ///
     /// # Errors
     /// [`PlanError::Invalid`].
@@ -107,7 +106,7 @@ pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
     }
     let file = RobotFile { text: KIND.read(path)?, name: path.display().to_string() };
     file.parse()?;
-    // Any text whose lines are all comments is TOML, and would be the robot `physical` under another name.
+    // A text that contains only comments is valid TOML, and would be the robot `physical` under another name.
     if file.text.parse::<toml::Table>().is_ok_and(|table| table.is_empty()) {
         return Err(KIND.is_not(&file.name));
     }
@@ -196,7 +195,7 @@ mod tests {
                 "my.toml:2:15: handedness cannot hold \"up\"",
                 "give `right` or `left`",
             ),
-            // A key of older versions, of which one value is left.
+            // A key of older versions, with one value left.
             ("[solver]\nfar_field = \"double\"\n", "my.toml:2:13: far_field cannot be \"double\"", "give `single`"),
         ] {
             let PlanError::Invalid { place, what, cure: found } = parse(text, "my.toml").unwrap_err() else { panic!() };
@@ -224,7 +223,7 @@ mod tests {
                 "my.toml:2:20: base.motor_distance_m = 0.01: the flagella touch when they turn",
             ),
             ("[fluid]\nviscosity_pa_s = nan\n", "my.toml:2:18: fluid.viscosity_pa_s = NaN: must be between"),
-            // The file does not set the motors' distance, which is too small for rods so thick.
+            // The file does not set the motors' distance, and the default is too small for rods so thick.
             (
                 "[flagellum]\nrod_radius_m = 0.015\n",
                 "my.toml: base.motor_distance_m = 0.045: the flagella touch when they turn",

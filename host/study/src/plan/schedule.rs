@@ -7,7 +7,7 @@ use protocol::{SetPoint, State, TICK_HZ};
 /// Length of the board's tick, µs.
 pub const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
-/// Name in a log of the time before a trial's first phase, in which the recorder waits until the robot is still.
+/// Name in a log of the wait for a still robot before a trial's first phase.
 pub const WAIT: &str = "wait";
 
 /// A phase of a trial.
@@ -29,7 +29,7 @@ impl Phase {
     /// All phases in their order.
     pub const ALL: [Self; 5] = [Self::Calibrate, Self::Preroll, Self::Run, Self::Decay, Self::End];
 
-    /// Its name in a log.
+    /// Returns its name in a log.
     pub fn name(self) -> &'static str {
         match self {
             Self::Calibrate => "calibrate",
@@ -40,18 +40,18 @@ impl Phase {
         }
     }
 
-    /// Its number in the board's schedule and telemetry. The calibration, before the schedule, has 0.
+    /// Returns its number in the board's schedule and telemetry. The calibration, before the schedule, has 0.
     pub fn number(self) -> u8 {
         self as u8
     }
 
-    /// The phase of a name in a log.
+    /// Returns the phase of a name in a log.
     pub fn of_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|phase| phase.name() == name)
     }
 }
 
-/// What the board is told, and the state that it is then in.
+/// The board's target speeds, and its state while they are in force.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Setpoint {
     /// The state.
@@ -60,7 +60,7 @@ pub struct Setpoint {
     pub target: [CentiRpm; 2],
 }
 
-/// What begins.
+/// A change in the schedule.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Change {
     /// A phase.
@@ -69,19 +69,19 @@ pub enum Change {
     Reversal(Reverse),
 }
 
-/// An event of the schedule, at which the board gets a new set-point.
+/// An event of the schedule. It gives the board a new set-point.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ScheduledEvent {
-    /// The trial's clock.
+    /// Time of the event on the trial's clock, s.
     pub start_s: f64,
-    /// What begins.
+    /// The change.
     pub change: Change,
     /// The set-point from then on.
     pub setpoint: Setpoint,
 }
 
 impl ScheduledEvent {
-    /// The start of a phase; `speeds` are those of the run.
+    /// Returns the start of a phase; `speeds` are the speeds of the run.
     fn phase(phase: Phase, start_s: f64, speeds: [CentiRpm; 2]) -> Self {
         let still = [CentiRpm(0); 2];
         let (state, target) = match phase {
@@ -138,8 +138,8 @@ impl Schedule {
         Self { events }
     }
 
-    /// Returns the events that the board runs by itself, everything after the calibration, each with its tick from the
-    /// end of the calibration.
+    /// Returns the events that the board runs by itself: all after the calibration, each with its tick from the end of
+    /// the calibration.
     pub fn ticks(&self) -> impl Iterator<Item = (u32, &ScheduledEvent)> {
         let timed = || self.events.iter().filter(|event| event.change != Change::Phase(Phase::Calibrate));
         let first_s = timed().next().map_or(0.0, |event| event.start_s);

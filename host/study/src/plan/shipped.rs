@@ -20,7 +20,7 @@ impl Shipped {
         FILES.iter().map(|&(name, text)| Self { name, text })
     }
 
-    /// Returns the file of this name, with or without `.toml`. A path with a folder names none.
+    /// Returns the file of this name, with or without `.toml`; `None` for a path with a folder.
     pub fn find(path: &Path) -> Option<Self> {
         let name = path.to_str()?;
         let name = name.strip_suffix(".toml").unwrap_or(name);
@@ -32,7 +32,7 @@ impl Shipped {
         self.name.starts_with("robot-")
     }
 
-    /// Returns the first sentence of the comment at its head.
+    /// Returns the first sentence of the file's opening comment.
     pub fn about(&self) -> String {
         let lines = self.text.lines().map_while(|line| line.strip_prefix("# "));
         let comment = lines.collect::<Vec<_>>().join(" ");
@@ -41,8 +41,8 @@ impl Shipped {
     }
 }
 
-/// Returns the keys of a robot file, as `flagellum.young_pa`, each with its meaning, unit and source: the comments of the file
-/// `robot-published`, which has every key.
+/// Returns the keys of a robot file, such as `flagellum.young_pa`, each with its meaning, unit and source, from the
+/// comments of `robot-published`, which has every key.
 pub fn robot_keys() -> Vec<(String, String)> {
     let text = Shipped::find(Path::new("robot-published")).map_or("", |file| file.text);
     let (mut table, mut comment, mut keys) = ("", Vec::new(), Vec::new());
@@ -51,7 +51,7 @@ pub fn robot_keys() -> Vec<(String, String)> {
         let key = content.split_once(" = ").map(|(key, _)| key);
         let key = key.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'));
         if let Some(key) = key {
-            // Keys without a blank line or a comment between them share one.
+            // Keys share a comment if no blank line or comment separates them.
             let about = if comment.is_empty() {
                 keys.last().map_or_else(String::new, |(_, about): &(_, String)| about.clone())
             } else {

@@ -4,8 +4,8 @@ use super::{Plan, PlanError};
 use protocol::units::CentiRpm;
 
 impl Plan {
-    /// Returns a plan of one trial at these speeds, named after them and `suffix`. `trial` has the lines of its table
-    /// `[trial]`.
+    /// Returns a plan of one trial at these speeds, named after them and `suffix`. `trial` contains the lines of its
+    /// table `[trial]`.
     ///
     /// ```
     /// use protocol::units::CentiRpm;

@@ -15,7 +15,7 @@ use toml::de::{DeTable, DeValue};
 /// Longest file that is read, bytes. Longer files and endless devices are refused as another kind of file.
 const LONGEST_FILE: u64 = 4 << 20;
 
-/// What each kind of file is called, with tables that only it has.
+/// The name of each kind of file, with tables that only this kind has.
 const KINDS: [(&str, &[&str]); 4] = [
     ("the plan of a sweep", &["vary"]),
     ("a plan", &["speeds", "trial", "session"]),
@@ -98,7 +98,7 @@ impl Source<'_> {
         })
     }
 
-    /// Returns what a file is that has a table of another kind of file, and none of its own kind's.
+    /// Returns the actual kind of a file that has a table of another kind, and none of the expected kind.
     fn other_kind(&self, table: &DeTable) -> Option<&'static str> {
         let has = |names: &[&str]| table.iter().any(|(key, _)| names.contains(&key.get_ref().as_ref()));
         let (other, _) = KINDS.iter().find(|(_, names)| has(names))?;
@@ -120,7 +120,7 @@ impl Source<'_> {
         })
     }
 
-    /// Returns the name of a session or sweep, without the space about it.
+    /// Returns the name of a session or sweep, without surrounding space.
     pub fn session_name(&self, name: Option<Spanned<String>>, default: &str) -> Result<String, PlanError> {
         match name {
             None => Ok(default.to_owned()),
@@ -145,7 +145,7 @@ impl Source<'_> {
         self.error(span, format!("{key} cannot be {value}"), (self.kind.help)(key).unwrap_or_default())
     }
 
-    /// Converts the value of a key that may be missing. It is out of range where `convert` returns `None`.
+    /// Converts the value of a key that may be missing. The value is out of range if `convert` returns `None`.
     pub fn checked<T: Display, U>(
         &self,
         value: &Option<Spanned<T>>,
@@ -249,7 +249,7 @@ fn shorten(text: &str) -> String {
     if end < text.trim_end().len() { format!("{}...", &line[..end]) } else { line.to_owned() }
 }
 
-/// Returns what to write where serde expects this type.
+/// Returns the help text for the type that serde expects.
 fn type_help(expected: &str) -> String {
     match expected {
         "f64" | "f32" => "give a number".to_owned(),
@@ -264,7 +264,7 @@ fn type_help(expected: &str) -> String {
     }
 }
 
-/// Returns the key whose value contains `offset`, and the place of the value.
+/// Returns the key whose value contains `offset`, and the span of the value.
 fn key_at<'t>(table: &'t DeTable, offset: usize) -> Option<(&'t str, Range<usize>)> {
     table.iter().find_map(|(key, value)| {
         let inner = value.get_ref().as_table().and_then(|inner| key_at(inner, offset));
@@ -272,7 +272,7 @@ fn key_at<'t>(table: &'t DeTable, offset: usize) -> Option<(&'t str, Range<usize
     })
 }
 
-/// Returns the place of the value at `path`.
+/// Returns the span of the value at `path`.
 fn span_of<'k>(table: &DeTable, path: impl IntoIterator<Item = &'k str>) -> Option<Range<usize>> {
     let mut path = path.into_iter();
     let name = path.next()?;
@@ -299,7 +299,7 @@ fn without_unit(value: &str) -> Option<&str> {
     .then_some(number)
 }
 
-/// Formats a number for a message: very large and very small ones in scientific notation.
+/// Formats a number for a message; very large and very small numbers get scientific notation.
 pub(crate) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> String {
     let size = value.into().abs();
     if size.is_finite() && size != 0.0 && !(1e-4..1e7).contains(&size) {
@@ -320,7 +320,7 @@ impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Exactly<T, N
     }
 }
 
-/// For `#[serde(deserialize_with)]` on an optional array.
+/// Deserialises an optional array, for `#[serde(deserialize_with)]`.
 pub(crate) fn optional_array<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     deserializer: D,
 ) -> Result<Option<[T; N]>, D::Error> {

@@ -1,4 +1,5 @@
-//! Runs trials: what the rig and the [model] share, so that both write the same kind of log, and the model's runs.
+//! Runs trials: the [model]'s runs, and the code that the rig and the model share so that both write the same kind of
+//! log.
 
 pub mod model;
 mod recorder;

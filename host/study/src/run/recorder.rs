@@ -1,4 +1,4 @@
-//! Records a running trial, of the rig or of a model, into its log and into memory.
+//! Records a running trial of the rig or of a model, in its log and in memory.
 
 use crate::attitude::{Leveller, Motion, RestForce, Still, rotation};
 use crate::draw::{self, Drawing};
@@ -24,7 +24,7 @@ pub struct Recorder {
     /// The log, for records that are not part of the results.
     pub log: Writer,
     records: Records,
-    /// `None` for a model: its results come from the solver, so its memory need not grow with the trial.
+    /// `None` for a model: its results come from the solver, so memory need not grow with the trial.
     collector: Option<Collector>,
     converter: Converter,
     rest: RestForce,
@@ -43,7 +43,7 @@ pub struct Recorder {
     rates_dps: [f64; 3],
 }
 
-/// What was recorded while the robot was at rest.
+/// The sensor's state while the robot was at rest.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct AtRest {
     /// Magnitude of the mean acceleration, in standard gravity; `None` if the rest was shorter than a second.
@@ -55,11 +55,11 @@ pub struct AtRest {
     pub clipped: u16,
 }
 
-/// Frames from one drawing of a robot without a model to the next: 20 drawings a second.
+/// Frames between two drawings of a robot without a model: 20 drawings a second.
 const FRAMES_A_DRAWING: u32 = TICK_HZ as u32 / 20;
 
 impl Recorder {
-    /// Starts a log at `path`, which must not exist. `settings` are those of the board; `time` is the host's clock.
+    /// Starts a log at `path`, which must not exist. `settings` are the board's settings; `time` is the host's clock.
     ///
     /// # Errors
     /// As [`Writer::create`].
@@ -154,7 +154,7 @@ impl Recorder {
         self.log.message_at(state.time_s, &forces, host)?;
         if let (Some(nodes), Some(lines)) = (sample::nodes(state), &state.shapes_m) {
             self.log.message_at(state.time_s, &nodes, host)?;
-            // Viewers need the same clock as that of the attitude to place the flagella.
+            // To place the flagella, viewers need the same clock as for the attitude.
             let log_time_ns = self.log.time_ns(state.time_s);
             if let Some(drawing) = &self.drawing {
                 self.log.message_at(state.time_s, &drawing.deformed(log_time_ns, lines), host)?;
@@ -200,15 +200,15 @@ impl Recorder {
     /// [`LogError::Write`].
     pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
         self.converter.calibrate(calibration);
-        // From here on the rates have another bias.
+        // The bias of the rates changes here.
         self.still.clear();
         let time_s = self.log.time_s();
         self.collect(|collector| collector.event(time_s, EventKind::Calibration, ""));
         self.log.calibration(calibration, host)
     }
 
-    /// Returns the bounds on the motion of the robot at rest at present; `None` if the motors have been off for too short a
-    /// time.
+    /// Returns the bounds on the present motion of the robot with its motors off; `None` if they have been off for too
+    /// short a time.
     pub fn motion(&self) -> Option<Motion> {
         self.still.motion()
     }
@@ -222,7 +222,7 @@ impl Recorder {
         self.log.meta(rest)
     }
 
-    /// Returns what the trial has shown so far, with the motors off, about the sensor.
+    /// Returns the sensor's state from the trial so far, while the motors were off.
     pub fn at_rest(&self) -> AtRest {
         let level = self.rest.level(STANDARD_GRAVITY_MPS2);
         AtRest {
@@ -253,7 +253,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Records how the board's clock runs.
+    /// Records the board's clock against the host's.
     ///
     /// # Errors
     /// [`LogError::Write`].
@@ -271,7 +271,7 @@ impl Recorder {
         self.log.meta(model)
     }
 
-    /// Records what a steered trial is to reach.
+    /// Records the target of a steered trial.
     ///
     /// # Errors
     /// [`LogError::Write`].
@@ -280,7 +280,7 @@ impl Recorder {
         self.log.meta(steer)
     }
 
-    /// Records a set-point of a steered trial, observed when the board's clock was as it says.
+    /// Records a set-point of a steered trial. Its time is the board's clock at the observation.
     ///
     /// # Errors
     /// [`LogError::Write`].
@@ -309,10 +309,10 @@ impl Recorder {
     }
 }
 
-/// The results of a trial of the rig; those of a model come from its solver.
+/// The results of a trial of the rig; a model's results come from its solver.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Measured {
-    /// Its steady angles; `None` if there is no attitude in the run.
+    /// Its steady angles; `None` if the run has no attitudes.
     pub angles: Option<Angles>,
     /// Start and end of its run, s; `None` if its motors never ran.
     pub run_s: Option<[f64; 2]>,

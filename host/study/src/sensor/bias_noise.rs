@@ -1,32 +1,33 @@
 //! Flicker and random walk of a gyroscope's bias, from the rates of a long rest.
 //!
 //! The mean rates over groups of bins are a sum of independent Gaussian parts: a constant, its change with temperature, a
-//! random walk K of the bias, flicker with the instability B, and white noise N²/T over a group of length T. Every pair of K
-//! and B of a list is weighted by its prior and by the evidence of the rates (Rasmussen and Williams, Gaussian Processes for
-//! Machine Learning, 2006, eq. 2.30). So what hides in the noise has a mean and a standard deviation, too.
+//! random walk K of the bias, flicker with the instability B, and white noise N²/T over a group of length T. Every pair
+//! of K and B in a grid is weighted by its prior and by the evidence of the rates (Rasmussen and Williams, Gaussian
+//! Processes for Machine Learning, 2006, eq. 2.30). So a part that hides in the noise also gets a mean and a standard
+//! deviation.
 
 use super::{BIAS_WALK, Estimate};
 use crate::attitude::{BiasNoise, WARMING_DPS_PER_C};
 use nalgebra::{DMatrix, DVector};
 
-/// Most groups, and the fewest bins of a group: longer than the delay of every filter.
+/// Most groups, and fewest bins in a group: longer than the delay of every filter.
 const MOST_GROUPS: usize = 90;
 const LEAST_BINS: usize = 10;
 
-/// Standard deviation of the constant, °/s: that of a gyroscope that nobody has calibrated.
+/// Standard deviation of the constant, °/s, for a gyroscope that was never calibrated.
 const CONSTANT_DPS: f64 = 20.0;
 
-/// Most of each, in units of the scales of the priors; the list goes down to less than a trial shows.
+/// Range of the grid, in units of the priors' scales. Its lower end is less than a trial can show.
 const MOST: f64 = 100.0;
 const LEAST: f64 = 0.03;
 const TRIED: usize = 18;
 
-/// Scale of the prior of the walk, °/s/√s, and of that of the instability, °/s: an MPU6050 at rest for 655 s had a walk of a
+/// Scales of the priors: of the walk, °/s/√s, and of the instability, °/s. An MPU6050 at rest for 655 s had a walk of a
 /// fifth of [`BIAS_WALK`], and a floor of 0.004 °/s on one axis.
 const USUAL_WALK: f64 = BIAS_WALK / 5.0;
 const USUAL_INSTABILITY_DPS: f64 = 0.006;
 
-/// What a rest tells of the noise of the bias about an axis.
+/// Noise of the bias about an axis, estimated from a rest.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct BiasEstimate {
     /// Random walk K, °/s/√s.
@@ -35,7 +36,7 @@ pub(super) struct BiasEstimate {
     pub instability_dps: Estimate,
 }
 
-/// Returns the noise. `rates_dps` and `temperature_c`: means over bins of `bin_s`; `angle_walk`: N, °/√s.
+/// Estimates the noise. `rates_dps` and `temperature_c`: means over bins of `bin_s`; `angle_walk`: N, °/√s.
 pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angle_walk: f64) -> BiasEstimate {
     let size = rates_dps.len().div_ceil(MOST_GROUPS).max(LEAST_BINS);
     let length_s = size as f64 * bin_s;
@@ -73,8 +74,8 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
     BiasEstimate { walk: estimate(0), instability_dps: estimate(1) }
 }
 
-/// Returns the logarithm of the prior probability of a place in a list, which has steps in proportion to the value: half a
-/// Cauchy distribution, as parts differ by orders of magnitude.
+/// Returns the log prior of a point of the grid, whose steps are proportional to the value: half a Cauchy distribution,
+/// because sensors differ by orders of magnitude.
 fn log_prior(scaled: f64) -> f64 {
     scaled.ln() - (scaled * scaled).ln_1p()
 }
@@ -88,8 +89,8 @@ mod tests {
     const BIN_S: f64 = 0.1;
     const SEEDS: u64 = 12;
 
-    /// Returns what is found in a rest of so many seconds with a walk, and with flicker: walks that reach back to times in a
-    /// ratio of 5.
+    /// Returns the estimate from a simulated rest with a walk and with flicker, made of walks that revert with time
+    /// constants in a ratio of 5.
     fn found(seed: u64, seconds: f64, walk: f64, instability: f64) -> BiasEstimate {
         let mut random = Random::new(seed);
         let mut bias = 3.0;
@@ -119,7 +120,7 @@ mod tests {
         noise.change_dps(&(0.0..length_s), &(apart_s..apart_s + length_s))
     }
 
-    /// Returns the root of the mean square of the walk and of the instability over some rests.
+    /// Returns the root mean square of the walk and of the instability over some rests.
     fn sizes(seconds: f64, walk: f64, instability: f64) -> [f64; 2] {
         let all: Vec<BiasEstimate> = (0..SEEDS).map(|seed| found(seed, seconds, walk, instability)).collect();
         let mean = |of: fn(&BiasEstimate) -> Estimate| {
@@ -134,7 +135,7 @@ mod tests {
         sizes
     }
 
-    /// Walk and flicker of a bias look alike within a rest; what both give over a trial is what counts.
+    /// Walk and flicker of a bias look alike within a rest, so only their joint effect over a trial is compared.
     #[test]
     fn the_change_over_a_trial_is_that_of_the_sensor() {
         for (walk, instability) in [(3e-4, 0.0), (1e-3, 0.0), (4e-3, 0.0), (0.0, 6e-3), (0.0, 2e-2), (5e-4, 5e-3)] {

@@ -1,10 +1,10 @@
-//! A sensor that is known to have no errors.
+//! A sensor without errors.
 
 use super::{AXES, Estimate, MeasuredSensor};
 use protocol::Settings;
 
 impl MeasuredSensor {
-    /// Returns the file of a sensor that was measured to have no errors.
+    /// Returns the file of a sensor for which all measured errors are exactly zero.
     pub fn exact() -> Self {
         let mut file = Self::new(&Settings::DEFAULT);
         for i in AXES {

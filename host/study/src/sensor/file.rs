@@ -1,8 +1,8 @@
-//! `sensor.toml`: the measurements of one sensor, quantity by quantity. Other quantities are those of the data sheet.
+//! `sensor.toml`: the measurements of one sensor, quantity by quantity. The data sheet gives all other quantities.
 //!
-//! All quantities are the part's own errors in body axes, as in [`Sensor`](super::Sensor), before any correction by the board.
-//! Uncertainties are standard uncertainties; those from few repeats are enlarged, so that 1.96 of them contain 95 %
-//! ([`expanded`](super::least_squares::expanded)).
+//! All quantities are the sensor's own errors in body axes, as in [`Sensor`](super::Sensor), before any correction by
+//! the board. Uncertainties are standard uncertainties. After few repeats they are enlarged, so that ±1.96 of them
+//! contain 95 % ([`expanded`](super::least_squares::expanded)).
 
 use super::{AxesError, Estimate, Sensor};
 use crate::attitude::BiasNoise;
@@ -24,13 +24,13 @@ pub const FILE_NAME: &str = "sensor.toml";
 /// The names of the axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Measured values by the name of their axis, such as `x`, or of two axes, such as `xy`: what x reads of y.
+/// Measured values by the name of their axis, such as `x`, or of two axes, such as `xy`: effect of y on x.
 pub type Table = BTreeMap<String, Estimate>;
 
-/// What was measured of one sensor.
+/// The measured errors of one sensor.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct MeasuredSensor {
-    /// The id of its board; 0 for a board without one.
+    /// The id of its board; 0 for a board without an id.
     pub board_id: u16,
     /// The day of the last measurement, such as `2026-11-24`.
     pub date: String,
@@ -44,9 +44,9 @@ pub struct MeasuredSensor {
 struct Kind {
     name: &'static str,
     keys: Keys,
-    /// The largest value that a working sensor can have, of either sign.
+    /// The largest absolute value for a working sensor.
     limit: f64,
-    /// What it is, for the reader of the file.
+    /// Description for the reader of the file.
     comment: &'static str,
 }
 
@@ -139,7 +139,7 @@ fn help(key: &str) -> Option<&'static str> {
     })
 }
 
-/// The file as it is written.
+/// The layout of the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -191,19 +191,20 @@ impl File {
 }
 
 impl Sensor {
-    /// Returns what a plan or a log knows of its sensor: what its file has, and the data sheet for all else.
+    /// Returns the sensor of a plan or a log: the values of its file, and the data sheet for all others.
     pub fn of(file: Option<&MeasuredSensorMeta>) -> Self {
         file.and_then(MeasuredSensor::of).map_or_else(Self::of_data_sheet, |measured| measured.known())
     }
 }
 
 impl MeasuredSensor {
-    /// Returns what was measured by the file of a plan or a log, which was read before; `None` if its text is none.
+    /// Returns the measured errors from the sensor file stored in a plan or a log; `None` if the text is not a sensor
+    /// file.
     pub fn of(file: &MeasuredSensorMeta) -> Option<Self> {
         Self::parse(&file.text, &file.name).ok()
     }
 
-    /// Returns a sensor of which nothing is measured, on a board with these settings.
+    /// Returns a sensor without measured errors, on a board with these settings.
     pub fn new(settings: &Settings) -> Self {
         Self { board_id: settings.board_id, axes: [settings.gyro_axes, settings.accel_axes], ..Self::default() }
     }
@@ -263,7 +264,7 @@ impl MeasuredSensor {
         KINDS.iter().filter_map(|kind| Some((kind.name, self.tables.get(kind.name)?)))
     }
 
-    /// Returns what differs between the board of the file and one with these settings, in words.
+    /// Describes the difference between the file's board and a board with these settings.
     pub fn mismatch(&self, settings: &Settings) -> Option<String> {
         if self.board_id != settings.board_id {
             return Some(format!("it is of board {}, and this is board {}", self.board_id, settings.board_id));
@@ -280,7 +281,7 @@ impl MeasuredSensor {
         self.get("gyro_scale", AXES[i]).is_some()
     }
 
-    /// Returns what is known of the sensor: what was measured, and the data sheet for all else.
+    /// Returns the sensor: the measured values, and the data sheet for all others.
     pub fn known(&self) -> Sensor {
         let mut prior = self.prior();
         for (i, axis) in AXES.iter().enumerate() {
@@ -290,7 +291,7 @@ impl MeasuredSensor {
             put("gyro_scale", axis, &mut prior.gyro_scale[i]);
             put("accel_scale", axis, &mut prior.accel_scale[i]);
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
-            // The mean squares of what they may be: a short rest hardly tells them.
+            // Root mean squares, because a short rest hardly determines the values.
             if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
                 let flicker = self.get("bias_instability_dps", axis).unwrap_or_default();
                 prior.bias_noise[i] = BiasNoise {
@@ -316,11 +317,11 @@ impl MeasuredSensor {
         for (k, u) in error.u.iter_mut().enumerate() {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             let [one, other] = [(i, j), (j, i)].map(|(i, j)| self.get("accel_cross", &pair(i, j)));
-            // Only poses measure both as one.
+            // Only poses measure both as one value.
             let Some(one) = one.filter(|one| Some(*one) == other) else { continue };
             *u = one.u;
             for (i, j) in [(i, j), (j, i)] {
-                // A turn weighs what it measures with the data sheet, which takes this part of the uncertainty away.
+                // A turn combines its measurement with the data sheet, which removes this part of the uncertainty.
                 let measured = self.get("gyro_cross", &pair(i, j));
                 error.of_gyro[i][j] =
                     measured.map_or(0.0, |measured| (1.0 - (measured.u / sheet.gyro_cross[i][j].u).powi(2)).max(0.0));
@@ -329,8 +330,9 @@ impl MeasuredSensor {
         error
     }
 
-    /// Returns the data sheet in the axes of this sensor. Poses say that the sensor is mounted so that the cross-axis terms of
-    /// its accelerometer are symmetric; by as much as they are not within its package, the axes of its gyroscope are turned.
+    /// Returns the data sheet in the axes of this sensor. Poses define the mounting so that the cross-axis terms of the
+    /// accelerometer are symmetric. If they are asymmetric within the package, the gyroscope's axes are turned by the
+    /// asymmetry.
     pub(super) fn prior(&self) -> Sensor {
         let mut sheet = Sensor::of_data_sheet();
         if self.tables.contains_key("mounting_deg") {
@@ -377,7 +379,7 @@ pub fn text_of(path: &Path) -> Result<String, PlanError> {
     KIND.read(path)
 }
 
-/// Returns the key of what axis i reads of axis j.
+/// Returns the key for the effect of axis j on axis i.
 pub fn pair(i: usize, j: usize) -> String {
     format!("{}{}", AXES[i], AXES[j])
 }
@@ -393,7 +395,7 @@ fn check(kind: &Kind, key: &str, estimate: Estimate, source: &Source) -> Result<
     }
     let Estimate { value, u } = estimate;
     let limit = kind.limit;
-    // Not a number is within no range.
+    // NaN fails both tests.
     let is_possible = value.abs() <= limit && (0.0..=limit).contains(&u);
     if is_possible {
         return Ok(());
@@ -418,7 +420,7 @@ fn listed(axes: AxisMap) -> String {
 fn digits(value: f64, u: f64) -> String {
     let places = if u > 0.0 { (2.0 - u.log10().floor()).clamp(0.0, 12.0) } else { 9.0 };
     let text = format!("{value:.*}", places as usize);
-    // TOML does not take a whole number for a decimal one.
+    // TOML distinguishes integers from decimal numbers.
     if text.contains('.') { text } else { text + ".0" }
 }
 

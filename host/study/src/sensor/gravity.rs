@@ -1,11 +1,11 @@
-//! Whether a sensor's file is that of the sensor: both must find the same gravity.
+//! Checks whether a file belongs to a sensor: a reading at rest must give standard gravity.
 //!
 //! Scale and offset of the accelerometer differ from part to part by some hundredths of gravity, and the file knows them to a
-//! thousandth. A board's number tells boards apart only where somebody has given them numbers.
+//! thousandth. A board's number identifies it only if the user has assigned one.
 
 use super::{AXES, Estimate, MeasuredSensor};
 
-/// Largest difference of the temperature from that in which the file was measured, °C: of the same room.
+/// Largest temperature difference between the file's measurement and now, °C, in the same room.
 const ROOM_C: f64 = 5.0;
 
 impl MeasuredSensor {
@@ -18,7 +18,7 @@ impl MeasuredSensor {
         for (i, axis) in AXES.iter().enumerate() {
             let offset = self.get("accel_offset_g", axis)?;
             let scale = self.get("accel_scale", axis)?;
-            // How much of the force this axis reads.
+            // Share of the force along this axis.
             let share = reading_g[i] / force;
             let cross: f64 = (0..3).map(|j| known.accel_cross[i][j].value * reading_g[j]).sum();
             found += (reading_g[i] - offset.value - scale.value * reading_g[i] - cross).powi(2);
@@ -49,7 +49,7 @@ mod tests {
         for (i, j) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
             file.set("accel_cross", &pair(i, j), Estimate { value: 0.004, u: 0.005 });
         }
-        // Level, as the sensor of the file reads it, and as another part does.
+        // Readings at level: of the file's sensor, and of another one.
         let own = file.gravity([0.01042, 0.01846, 0.99831]).unwrap();
         assert!((own.value - 1.0).abs() < 1e-4 && (0.004..0.007).contains(&own.u), "{own:?}");
         let other = file.gravity([-0.0488, 0.0047, 1.0077]).unwrap();

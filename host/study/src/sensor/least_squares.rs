@@ -12,7 +12,7 @@ pub struct Fit {
     pub factors: Vec<f64>,
     /// Sum of the squared residuals.
     pub squares: f64,
-    /// Degrees of freedom: observations less coefficients.
+    /// Degrees of freedom: observations minus coefficients.
     pub freedom: usize,
 }
 
@@ -38,8 +38,8 @@ impl Fit {
     }
 }
 
-/// Returns the standard uncertainty 1.96 of which contain 95 % of Student's distribution with this scale and these degrees
-/// of freedom. Thus what few repeats tell can be added in squares to what is known otherwise.
+/// Returns the standard uncertainty for which ±1.96 u contain 95 % of Student's distribution with this scale and these
+/// degrees of freedom. Thus uncertainties from few repeats can be added in quadrature to others.
 pub fn expanded(scale: f64, freedom: usize) -> f64 {
     scale * student_95(freedom as f64) / student_95(1e9)
 }

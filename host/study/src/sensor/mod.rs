@@ -1,15 +1,15 @@
-//! What is known about a sensor: its errors with their uncertainties, from the data sheet or measured.
+//! The errors of a sensor with their uncertainties, from the data sheet or measured.
 //!
-//! Frame: the body axes, to which the board's settings turn the sensor's own. A reading contains
+//! Frame: the body axes, after the axes settings of the board. A reading contains
 //!
 //! ```text
 //! rate_read[i]  = (1 + scale[i]) rate[i]  + Σ cross[i][j] rate[j]  + Σ gyro_g[i][j] force[j] + bias[i] + noise
 //! force_read[i] = (1 + scale[i]) force[i] + Σ cross[i][j] force[j] + offset[i] + noise
 //! ```
 //!
-//! with j ≠ i in the sums over `cross`, and the specific force in units of the local gravity. Biases and offsets are no part
-//! of it: every trial measures them again at rest. The sensor's axes are turned from the body's by small angles, the
-//! mounting: attitude_read = attitude · rotation(mounting).
+//! with j ≠ i in the sums over `cross`, and the specific force in units of the local gravity. [`Sensor`] does not
+//! contain biases and offsets, because every trial measures them again at rest. The sensor's axes are turned from the
+//! body's by small angles, the mounting: attitude_read = attitude · rotation(mounting).
 
 mod bias_noise;
 mod exact;
@@ -47,7 +47,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Returns zero, known to lie within ±`limit` and no more: a rectangular distribution (GUM, 4.3.7).
+    /// Returns zero with the uncertainty of a rectangular distribution over ±`limit` (GUM, 4.3.7).
     pub const fn within(limit: f64) -> Self {
         Self { value: 0.0, u: limit * INV_SQRT_3 }
     }
@@ -58,36 +58,36 @@ const INV_SQRT_3: f64 = 0.577_350_269_189_625_8;
 /// The errors of a sensor.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Sensor {
-    /// Relative scale error of the gyroscope about each axis; positive if it reads too much.
+    /// Relative scale error of the gyroscope about each axis; positive if the reading is too large.
     pub gyro_scale: [Estimate; 3],
-    /// `[i][j]`: share of the rate about axis j that axis i reads. Zero for i = j.
+    /// `[i][j]`: share of the rate about axis j in the reading of axis i. Zero for i = j.
     pub gyro_cross: [[Estimate; 3]; 3],
-    /// `[i][j]`: rate that axis i reads per standard gravity along axis j, °/s/g.
+    /// `[i][j]`: change of the rate read about axis i per standard gravity along axis j, °/s/g.
     pub gyro_g_dps: [[Estimate; 3]; 3],
     /// Relative scale error of the accelerometer along each axis.
     pub accel_scale: [Estimate; 3],
-    /// `[i][j]`: share of the force along axis j that axis i reads. Zero for i = j.
+    /// `[i][j]`: share of the force along axis j in the reading of axis i. Zero for i = j.
     pub accel_cross: [[Estimate; 3]; 3],
     /// Change of the accelerometer's offset with temperature, g/°C.
     pub accel_drift_g_per_c: [Estimate; 3],
     /// Rotation from the body's to the sensor's axes about x, y and z, degrees.
     pub mounting_deg: [Estimate; 3],
-    /// Noise of the gyroscope's bias about each axis. A walk that nobody has measured stands for the flicker, too.
+    /// Noise of the gyroscope's bias about each axis. An unmeasured walk also represents the flicker.
     pub bias_noise: [BiasNoise; 3],
-    /// Angle random walk of the gyroscope about z, where it was measured.
+    /// Angle random walk of the gyroscope about z, if it was measured.
     pub angle_walk_z_deg_per_root_s: Option<Estimate>,
-    /// What poses do not tell of the accelerometer's axes.
+    /// The error of the axes after poses.
     pub axes: AxesError,
 }
 
-/// The error of what poses tell of the accelerometer's axes. `accel_cross[i][j]` and `accel_cross[j][i]` are one measured
-/// value (`biflag sensor poses`), and turns measure the axes of the gyroscope relative to these: all of them have this error
-/// in common.
+/// The common error of all axes after poses. `accel_cross[i][j]` and `accel_cross[j][i]` are one measured value
+/// (`biflag sensor poses`), and turns measure the gyroscope's axes relative to the accelerometer's, so all of them
+/// share this error.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct AxesError {
-    /// Standard uncertainty of the pair y and z, z and x, x and y; zero where it was not measured.
+    /// Standard uncertainty of the pairs y and z, z and x, x and y; zero if not measured.
     pub u: [f64; 3],
-    /// `[i][j]`: error of `gyro_cross[i][j]` for an error of one of the pair. Zero for i = j.
+    /// `[i][j]`: error of `gyro_cross[i][j]` for a unit error of the pair. Zero for i = j.
     pub of_gyro: [[f64; 3]; 3],
 }
 
@@ -107,15 +107,15 @@ mod data_sheet {
     pub const ACCEL_DRIFT_G_PER_C: [f64; 3] = [0.035 / 35.0, 0.035 / 35.0, 0.060 / 35.0];
 }
 
-/// Random walk of a gyroscope's bias that nobody has measured, °/s/√s: five times that of an MPU6050 at rest for 655 s. Over a
-/// trial it stands for flicker, too.
+/// Assumed random walk of an unmeasured gyroscope's bias, °/s/√s: five times the walk of an MPU6050 at rest for 655 s.
+/// Over a trial it also represents flicker.
 const BIAS_WALK: f64 = 5e-4;
 
-/// Limit of each mounting angle that nobody has measured, degrees: a board that is screwed on by eye.
+/// Limit of each unmeasured mounting angle, degrees: a board aligned by eye.
 const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
-    /// Returns what the data sheet says about every part.
+    /// Returns the data sheet's tolerances.
     pub fn of_data_sheet() -> Self {
         let cross = |limit: f64| {
             std::array::from_fn(|i| {

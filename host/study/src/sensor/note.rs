@@ -1,4 +1,4 @@
-//! The scales of a gyroscope in the note that its board keeps, so that they go with the board from computer to computer.
+//! The scales of a gyroscope, stored in the note on its board so that they move with the board between computers.
 //!
 //! | byte | content |
 //! | --- | --- |
@@ -17,7 +17,7 @@ use protocol::Settings;
 use protocol::frame::crc16;
 use protocol::units::{Axis, AxisMap};
 
-/// The name of what a board keeps, in place of that of a file.
+/// The name of the board's note, in place of a file name.
 pub const OF_BOARD: &str = "the board";
 
 /// Length of a note.
@@ -28,7 +28,7 @@ const SCALE_STEP: f64 = 1e-5;
 const U_STEP: f64 = 1e-6;
 const NOT_MEASURED: u16 = u16::MAX;
 
-/// Returns the sensor whose scales the newest of the copies has, on a board with these settings; `None` if no copy is valid or
+/// Returns a sensor with the scales of the newest copy, on a board with these settings; `None` if no copy is valid or
 /// if the axes of the sensor have changed since.
 pub fn read(copies: &[[u8; LENGTH]], settings: &Settings) -> Option<MeasuredSensor> {
     let note = &copies[newest(copies)?];
@@ -49,8 +49,8 @@ pub fn read(copies: &[[u8; LENGTH]], settings: &Settings) -> Option<MeasuredSens
     Some(sensor)
 }
 
-/// Returns the place of the copy to be written and its content, with the scales of a sensor; `None` if the newest copy has
-/// them, or if there are none.
+/// Returns the index and the content of the copy to write, with the scales of a sensor; `None` if the newest copy
+/// already has them, or if there are none.
 pub fn next(copies: &[[u8; LENGTH]], sensor: &MeasuredSensor) -> Option<(usize, [u8; LENGTH])> {
     let last = newest(copies);
     let mut note = [0; LENGTH];
@@ -65,7 +65,7 @@ pub fn next(copies: &[[u8; LENGTH]], sensor: &MeasuredSensor) -> Option<(usize, 
         let (mut value, mut u) = (0, NOT_MEASURED);
         if let Some(estimate) = sensor.get("gyro_scale", axis) {
             let [steps, u_steps] = [estimate.value / SCALE_STEP, (estimate.u / U_STEP).ceil()];
-            // What has no place in the note is left to the file.
+            // Values out of the note's range are kept only in the file.
             if steps.abs() < f64::from(i16::MAX) && u_steps < f64::from(NOT_MEASURED) {
                 (value, u) = (steps.round() as i16, u_steps as u16);
                 is_measured = true;
@@ -80,7 +80,7 @@ pub fn next(copies: &[[u8; LENGTH]], sensor: &MeasuredSensor) -> Option<(usize, 
     (is_measured && !is_kept).then(|| (last.map_or(0, |last| (last + 1) % copies.len()), note))
 }
 
-/// Returns the place of the newest valid copy.
+/// Returns the index of the newest valid copy.
 fn newest(copies: &[[u8; LENGTH]]) -> Option<usize> {
     let is_valid = |note: &[u8; LENGTH]| {
         let (content, crc) = note.split_at(LENGTH - 2);
@@ -137,7 +137,7 @@ mod tests {
         assert_eq!(read(&copies, &turned), None, "the scales are about other axes");
     }
 
-    /// Power fails after each byte of each of 300 notes: the one before is in force, or the new one.
+    /// Power fails after each byte of each of 300 notes: the valid note is the previous one, or the new one.
     #[test]
     fn a_note_that_is_cut_off_leaves_the_one_before() {
         let mut copies = BLANK;

@@ -1,4 +1,4 @@
-//! The errors of a sensor as one list, in the order of all sensitivities.
+//! The errors of a sensor as one list, in the same order as the sensitivities.
 
 use super::{Estimate, Sensor};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -9,14 +9,14 @@ use std::ops::Range;
 pub struct Group {
     /// Name in budgets.
     pub name: &'static str,
-    /// Its places in the list.
+    /// Its range in the list.
     pub range: Range<usize>,
 }
 
 /// Number of errors.
 pub const PARAMETERS: usize = 39;
 
-/// The kinds of errors, in the order of the list. Matrices are in rows: the axis that reads, then the axis that is read.
+/// The kinds of errors, in the order of the list. Matrices are stored by rows; a row belongs to a reading axis.
 pub const GROUPS: [Group; 7] = [
     Group { name: "gyroscope scale", range: 0..3 },
     Group { name: "gyroscope cross-axis", range: 3..12 },
@@ -27,7 +27,7 @@ pub const GROUPS: [Group; 7] = [
     Group { name: "mounting", range: 36..39 },
 ];
 
-/// Place of the rotation of the sensor in the body about the vertical.
+/// Index of the sensor's rotation in the body about the vertical.
 pub const MOUNTING_YAW: usize = GROUPS[6].range.start + 2;
 
 impl Sensor {
@@ -46,8 +46,8 @@ impl Sensor {
         std::array::from_fn(|i| all[i])
     }
 
-    /// Returns a matrix R of which R Rᵀ is the covariance of all errors: its columns are independent errors of variance 1, its
-    /// rows what they give each of [`Self::parameters`].
+    /// Returns a matrix R for which R Rᵀ is the covariance of all errors. Its columns are independent errors of
+    /// variance 1; row i is their effect on entry i of [`Self::parameters`].
     pub fn independent_errors(&self) -> DMatrix<f64> {
         let mut root = DMatrix::from_diagonal(&DVector::from_iterator(PARAMETERS, self.parameters().map(|one| one.u)));
         for (k, u) in self.axes.u.into_iter().enumerate().filter(|(_, u)| *u > 0.0) {
@@ -64,13 +64,13 @@ impl Sensor {
         root
     }
 
-    /// Returns, in the order of [`GROUPS`], what the known values add to readings, as shares of what is read: of a scale of
-    /// 1 + s that is s/(1 + s). The mounting is left out: attitudes are turned by it as a whole.
+    /// Returns, in the order of [`GROUPS`], the contributions of the known errors to readings, as shares of the
+    /// reading: s/(1 + s) for a scale of 1 + s. The mounting is left out, because it turns attitudes as a whole.
     pub fn shares_of_readings(&self) -> [f64; PARAMETERS] {
         let matrix = |rows: &[[Estimate; 3]; 3]| Matrix3::from_fn(|i, j| rows[i][j].value);
         let inverse = |scale: &[Estimate; 3], cross: &[[Estimate; 3]; 3]| {
             let errors = Matrix3::from_diagonal(&scale.map(|scale| scale.value).into()) + matrix(cross);
-            // A working sensor reads about what there is.
+            // Invertible for a working sensor, because its errors are small.
             (Matrix3::identity() + errors).try_inverse().unwrap_or_else(Matrix3::identity)
         };
         let (gyro, accel) =
@@ -120,14 +120,14 @@ mod tests {
         for (i, one) in measured.parameters().into_iter().enumerate() {
             assert!((covariance[(i, i)].sqrt() - one.u).abs() < 1e-15, "{i}");
         }
-        // What x reads of y, and y of x, in both sensors.
+        // The cross-axis terms xy and yx of both sensors.
         let expected = [(25, 27, 1.0), (25, 4, 0.9), (27, 6, 0.8), (4, 6, 0.72), (25, 26, 0.0)];
         for (i, j, share) in expected {
             assert!((covariance[(i, j)] - share * 0.005f64.powi(2)).abs() < 1e-15, "{i}, {j}");
         }
     }
 
-    /// A part at the limits of its data sheet that was measured exactly: what is read, less its shares, is what there is.
+    /// A sensor at the limits of its data sheet, measured exactly: the reading minus its shares is the true value.
     #[test]
     fn shares_of_readings_are_what_the_errors_add() {
         let exactly = |value: f64| Estimate { value, u: 0.0 };

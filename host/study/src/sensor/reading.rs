@@ -4,7 +4,8 @@ use protocol::units::STANDARD_GRAVITY_MPS2;
 use protocol::{Settings, Telemetry};
 use std::collections::VecDeque;
 
-/// A reading in physical units and body axes. No error is taken off: neither a bias nor the scale that the board corrects.
+/// An uncorrected reading in physical units and body axes: it contains the bias, and the scale error that the board
+/// would correct.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct RawReading {
     /// The board's clock, s.
@@ -18,7 +19,7 @@ pub struct RawReading {
 }
 
 impl RawReading {
-    /// Returns the reading in a frame at `time_s` of the board's clock. `settings` are those of the board.
+    /// Returns the reading in a frame at `time_s` of the board's clock. `settings` are the board's settings.
     pub fn of(frame: &Telemetry, settings: &Settings, time_s: f64) -> Self {
         let Settings { gyro_range, accel_range, gyro_axes, accel_axes, .. } = settings;
         Self {
@@ -33,7 +34,7 @@ impl RawReading {
 /// Length of a block, s: a rest consists of blocks.
 pub const BLOCK_S: f64 = 0.25;
 
-/// Still blocks at either end of a rest that are not used: a hand lets go slowly.
+/// Unused still blocks at either end of a rest, because a hand lets go slowly.
 const MARGIN: usize = 2;
 
 /// Largest standard deviation of the rates in a block at rest, °/s: ten times the noise of the data sheet (0.05 °/s at
@@ -43,11 +44,11 @@ const STILL_NOISE_DPS: f64 = 0.5;
 /// Largest change of the mean rate from a block at rest to the next, °/s.
 const STILL_CHANGE_DPS: f64 = 0.4;
 
-/// Largest difference of a block's mean rate from the bias of the last rest, °/s. A bias changes less between two poses
-/// (0.2 °/s) or in minutes.
+/// Largest difference between a block's mean rate and the bias of the last rest, °/s. A bias changes less between two
+/// poses (0.2 °/s) or in minutes.
 const STILL_BIAS_DPS: f64 = 1.0;
 
-/// The largest bias of a working sensor, °/s: the zero-rate output of the data sheet, twice.
+/// The largest bias of a working sensor, °/s: twice the zero-rate output of the data sheet.
 const LARGEST_BIAS_DPS: f64 = 40.0;
 
 /// Means over a block, or over the blocks of a rest.
@@ -114,8 +115,8 @@ impl Mean {
         self.span_s[1] - self.span_s[0]
     }
 
-    /// Returns the standard uncertainty of each mean rate from the scatter of its readings, °/s. The readings pass a filter
-    /// of 42 Hz or so, thus neighbours are not independent: two readings count as one.
+    /// Returns the standard uncertainty of each mean rate from the scatter of its readings, °/s. Two readings count as
+    /// one: they pass a filter of about 42 Hz, so neighbours are not independent.
     pub fn rate_u_dps(&self) -> [f64; 3] {
         self.squares.map(|squares| (2.0 * squares).sqrt() / self.count.max(1.0))
     }
@@ -125,12 +126,12 @@ impl Mean {
     }
 }
 
-/// What a new reading ends or continues.
+/// Effect of a new reading on the rest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Motion {
-    /// Neither: the block is not full.
+    /// The block is not full yet.
     Unknown,
-    /// The last block was still, and belongs to the rest.
+    /// The last block was still and belongs to the rest.
     Still,
     /// The last block moved. The rest before it is over, if there was one.
     Moving,
@@ -145,7 +146,7 @@ pub struct Rests {
     still: usize,
     /// The last still blocks that are not in the rest yet.
     margin: VecDeque<Mean>,
-    /// The rest so far, without the first blocks and the last ones, in which a movement may end or begin.
+    /// The rest so far, without its first and last blocks, in which a movement may end or begin.
     rest: Mean,
     bias_dps: Option<[f64; 3]>,
 }
@@ -182,7 +183,7 @@ impl Rests {
         Motion::Still
     }
 
-    /// Returns the present rest, or while the sensor moves the last one.
+    /// Returns the present rest, or the last one while the sensor moves.
     pub fn rest(&self) -> &Mean {
         &self.rest
     }

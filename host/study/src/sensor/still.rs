@@ -1,8 +1,9 @@
-//! A long rest: noise of the gyroscope by the Allan deviation, flicker and walk of its bias, and its change with temperature.
+//! A long rest: the gyroscope's noise from the Allan deviation, the flicker and walk of its bias, and the bias's change
+//! with temperature.
 //!
-//! The overlapping estimator of IEEE Std 952-2020, annex C, over bins of 0.1 s. With N the angle random walk, the deviation
-//! at short averaging times τ is N/√τ. A deviation of n/m independent differences is known to 1/√(2 (n/m - 1)) of itself.
-//! [`bias_noise`] finds flicker and random walk of the bias.
+//! The Allan deviation uses the overlapping estimator of IEEE Std 952-2020, annex C, over bins of 0.1 s. At short
+//! averaging times τ it is N/√τ, where N is the angle random walk. From n/m independent differences, its relative
+//! uncertainty is 1/√(2 (n/m - 1)). [`bias_noise`] estimates flicker and random walk of the bias.
 
 use super::file::{AXES, MeasuredSensor};
 use super::least_squares::Fit;
@@ -14,35 +15,35 @@ use thiserror::Error;
 /// Length of a bin, s.
 const BIN_S: f64 = 0.1;
 
-/// Averaging time from which the white noise is taken, s: longer than the delay of every filter, and shorter than the bias
-/// needs to change.
+/// Averaging time at which the white noise is measured, s: longer than the delay of every filter, and too short for the
+/// bias to change.
 const WHITE_S: f64 = 0.8;
 
 /// The longest averaging time is the rest divided by this.
 const LEAST_AVERAGES: usize = 8;
 
-/// Bins of one point of the bias against temperature.
+/// Bins per point in the fit of the bias against temperature.
 const POINT: usize = 100;
 
-/// Least change of temperature that tells something, K.
+/// Smallest change of temperature for this fit, K.
 const LEAST_KELVIN: f64 = 1.0;
 
 /// Longest wait for the sensor to come to rest, s.
 const PATIENCE_S: f64 = 60.0;
 
-/// The rest was no rest.
+/// Why the rest cannot be used.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 pub enum StillError {
-    /// It moved.
+    /// The sensor moved.
     #[error("the sensor moved after {after_s:.0} of {seconds:.0} s")]
     #[diagnostic(help("lay it where nobody walks or works, away from fans, and start again"))]
     Moved {
         /// Time at rest until then.
         after_s: f64,
-        /// Time asked for.
+        /// Requested time.
         seconds: f64,
     },
-    /// It never came to rest.
+    /// The sensor never came to rest.
     #[error("the sensor was not still within {PATIENCE_S:.0} s")]
     #[diagnostic(help("put it on a table that does not shake, and start again"))]
     NeverStill,
@@ -86,12 +87,12 @@ impl Bin {
 }
 
 impl StillWatch {
-    /// Returns a watch of a rest of so many seconds.
+    /// Returns a watch for a rest of `seconds`.
     pub fn new(seconds: f64) -> Self {
         Self { seconds, rests: Rests::default(), first_s: None, begun_s: None, bin: Bin::default(), bins: Vec::new() }
     }
 
-    /// Adds a reading. Returns the time left, s; 0 at the end.
+    /// Adds a reading. Returns the remaining time, s; 0 at the end.
     ///
     /// # Errors
     /// [`StillError`].
@@ -151,7 +152,7 @@ impl StillWatch {
             let left: Vec<f64> =
                 rows.iter().zip(&rates).map(|([_, x], rate)| rate - fit.values[0] - fit.values[1] * x).collect();
             let lagged: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / fit.squares;
-            // Neighbours that walk together count for less.
+            // Correlated neighbours count for less.
             let correlation = lagged.clamp(0.0, 0.95);
             let longer = ((1.0 + correlation) / (1.0 - correlation)).sqrt();
             Some(Estimate { value: fit.values[1], u: fit.scatter()? * fit.factors[1] * longer })
@@ -160,7 +161,7 @@ impl StillWatch {
     }
 }
 
-/// What a long rest tells.
+/// Result of a long rest.
 #[derive(Clone, PartialEq, Debug)]
 pub struct StillResult {
     /// Length of the rest, s.

@@ -6,11 +6,11 @@ use sim::split_mix;
 
 const DT: f64 = 0.005;
 
-/// A sensor, its errors, and where it is.
+/// A sensor with its errors, attitude and time.
 pub struct Hand {
     /// Scale and cross-axis errors of the gyroscope.
     pub gyro: Matrix3<f64>,
-    /// What gravity adds to the rates, °/s/g.
+    /// Sensitivity of the rates to gravity, °/s/g.
     pub gyro_g_dps: Matrix3<f64>,
     /// Scale and cross-axis errors of the accelerometer.
     pub accel: Matrix3<f64>,
@@ -22,9 +22,9 @@ pub struct Hand {
     pub drift_dps: Vector3<f64>,
     /// Change of the bias with temperature, °/s/°C.
     pub drift_dps_per_c: Vector3<f64>,
-    /// By how much it warms from power-on, °C; by two thirds of it in 150 s.
+    /// Total warming after power-on, °C; two thirds of it within 150 s.
     pub warming_c: f64,
-    /// By how much the thermometer lags, s.
+    /// Lag of the thermometer, s.
     pub lag_s: f64,
     /// Standard deviation of a reading, °/s and 10 g.
     pub noise: f64,
@@ -48,7 +48,7 @@ impl Random {
         split_mix::uniform(self.0, self.1)
     }
 
-    /// Returns a number of the normal distribution (Box and Muller).
+    /// Returns a normally distributed number (Box and Muller).
     pub fn normal(&mut self) -> f64 {
         let [a, b] = [self.uniform(), self.uniform()];
         (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
@@ -75,7 +75,7 @@ impl Hand {
         }
     }
 
-    /// Moves by `world_deg`, an angle about an axis of the world, and returns the readings; at rest for zero.
+    /// Rotates by `world_deg`, a rotation vector in world axes, and returns the readings; zero means rest.
     pub fn moved(&mut self, world_deg: Vector3<f64>, seconds: f64) -> Vec<RawReading> {
         let count = (seconds / DT).round();
         (0..count as usize)
@@ -113,7 +113,7 @@ impl Hand {
         limit * (2.0 * self.random.uniform() - 1.0)
     }
 
-    /// Returns a matrix with numbers within limits, on the diagonal and beside it.
+    /// Returns a matrix with limits for its diagonal and its other elements.
     pub fn matrix(&mut self, diagonal: f64, beside: f64) -> Matrix3<f64> {
         Matrix3::from_fn(|i, j| self.within(if i == j { diagonal } else { beside }))
     }

@@ -19,7 +19,7 @@ pub enum SessionError {
         /// Why.
         source: std::io::Error,
     },
-    /// The name is taken by a file, or cannot be that of a folder.
+    /// The name is taken by a file, or is not valid for a folder.
     #[error("{}: is not a folder and cannot become one", path.display())]
     #[diagnostic(code(wrong_use), help("name another folder with --out"))]
     NotAFolder {
@@ -28,14 +28,14 @@ pub enum SessionError {
         /// Why.
         source: std::io::Error,
     },
-    /// The folder has nothing that a session could be rebuilt from.
+    /// The folder has no logs to rebuild a session from.
     #[error("{}: has no session.toml and no logs of biflag to rebuild it from", folder.display())]
     #[diagnostic(code(wrong_use), help("name a session folder, or a log that is cut off or damaged"))]
     NothingToRebuild {
         /// The folder.
         folder: PathBuf,
     },
-    /// The logs in the folder are those of different plans.
+    /// The logs in the folder belong to different plans.
     #[error("{}: has logs of different plans, such as {} and {}: {difference} differ", folder.display(), one.display(), other.display())]
     #[diagnostic(code(wrong_use), help("move the logs of each plan into a folder of their own"))]
     DifferentPlans {
@@ -83,14 +83,14 @@ pub enum SessionError {
         /// The folder.
         folder: PathBuf,
     },
-    /// The log, or the session, is being written, so that it cannot be recovered.
+    /// The log or the session is still being written, so it cannot be recovered.
     #[error("{}: is being recorded: another biflag is writing into the session", path.display())]
     #[diagnostic(help("wait for the end of the recording; a log that is complete then needs no recovery"))]
     BeingRecorded {
         /// The log, or the folder of the session.
         path: PathBuf,
     },
-    /// The session's trials ran in another place or with other settings.
+    /// The session's trials ran on another rig or with other settings.
     #[error("{}: its trials ran {was}, such as {}; the next ones would run {is}", folder.display(), log.display())]
     #[diagnostic(
         code(wrong_use),
@@ -101,9 +101,9 @@ pub enum SessionError {
         folder: PathBuf,
         /// The last complete log.
         log: PathBuf,
-        /// Where or with which settings they ran.
+        /// Rig or settings of the earlier trials.
         was: String,
-        /// Where or with which settings the next ones would run.
+        /// Rig or settings of the next trials.
         is: String,
     },
     /// The folder is not a session folder.

@@ -1,8 +1,9 @@
-//! Which trial a log holds: its content says so, and a file's name decides nothing.
+//! Identifies the trial of a log by its content, not by its file name.
 //!
-//! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if it
-//! is of another plan, of another place than most logs (rig, emulated board, model), of another board, older than the
-//! session, or a copy of another log. A log that bears the name of another trial is used as what it is, with a finding.
+//! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if
+//! its plan, its origin (rig, emulated board, model) or its board differs from most logs', if it is older than the
+//! session, or if it is a copy of another log. A log with the name of another trial is used for the trial that it
+//! contains, with a finding.
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// By how much a log may be older than its session: the computer's clock may have been set meanwhile.
+/// A log may be older than its session by this time: the computer's clock may have been set meanwhile.
 const CLOCK_STEP: SignedDuration = SignedDuration::from_mins(10);
 
 /// The logs of a session by their content.
@@ -22,13 +23,13 @@ const CLOCK_STEP: SignedDuration = SignedDuration::from_mins(10);
 pub(super) struct Sorted {
     /// The logs of each trial of the plan: numbers of their attempts, and names of the files.
     pub attempts: Vec<Vec<(u32, String)>>,
-    /// For each trial, the logs that are left out and bear its name.
+    /// For each trial, the excluded logs that have its name.
     pub left_out: Vec<Vec<String>>,
-    /// What was found about a log, by the name of its file.
+    /// Findings about logs, by file name.
     pub findings: BTreeMap<String, Finding>,
 }
 
-/// What a log says about itself.
+/// The identifying records of a log.
 #[derive(Debug, Default)]
 struct Known {
     identity: Option<Identity>,
@@ -37,7 +38,7 @@ struct Known {
     robot: Option<RobotMeta>,
     board: Option<BoardMeta>,
     is_recovered: bool,
-    /// Whether it is no log at all.
+    /// Whether the file is not a log at all.
     is_none: bool,
 }
 
@@ -55,7 +56,7 @@ impl Known {
             Ok(Self { plan: reader.meta(), identity, trial, robot, board, is_recovered, is_none: false })
         };
         match read() {
-            // A log that cannot be read may be whole.
+            // A log that cannot be read now may still be complete.
             Err(error) if error.is_of_reading() => Err(error),
             Err(_) => Ok(Self { is_none: true, ..Self::default() }),
             known => known,
@@ -74,7 +75,7 @@ impl Known {
         self.board.as_ref().map(|board| board.board_id).filter(|id| *id != 0)
     }
 
-    /// What no two logs have in common; `None` if it is not known.
+    /// Returns a key that no two logs share; `None` if it is not known.
     fn key(&self) -> Option<(String, String, u32, bool)> {
         let (identity, trial) = (self.identity.as_ref()?, self.trial.as_ref()?);
         Some((identity.created.clone(), trial.name.clone(), trial.attempt, self.is_recovered))
@@ -109,7 +110,7 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
                 counts.entry(value).or_insert((0, i)).0 += 1;
             }
         }
-        // Of equally many, recordings come before models, and what comes first in the folder before others.
+        // On a tie, recordings come before models, then the first log in the folder.
         let best =
             counts.into_iter().max_by_key(|(value, (count, first))| (*count, std::cmp::Reverse((*value, *first))))?;
         Some((best.0, logs[best.1.1].0.to_owned()))
@@ -134,7 +135,7 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
             strange[i] = Some((text, "move it out of the session"));
         }
     }
-    // Of copies, the one that bears the name of its trial is the log.
+    // Of several copies, the one named after its trial is kept.
     let mut first: HashMap<(String, String, u32, bool), usize> = HashMap::new();
     let fits = |i: usize| trials[i].is_some() && named(logs[i].0) == trials[i];
     let order = (0..logs.len()).filter(|i| fits(*i)).chain((0..logs.len()).filter(|i| !fits(*i)));
@@ -155,7 +156,8 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
             sorted.left_out[place].push((*name).to_owned());
             continue;
         }
-        // Without a record of its trial, only its name is left; a log that is no log is the loss of one attempt alone.
+        // Without a record of the trial, only the file name identifies it; a file that is not a log counts as one lost
+        // attempt.
         let Some(trial) = trials[i].take().or(of_name) else { continue };
         let attempt = known.trial.as_ref().map(|trial| trial.attempt).filter(|attempt| *attempt > 0);
         let suffix = name.strip_prefix(&format!("{}.", plan.trials[trial].name));
@@ -179,27 +181,27 @@ fn identity(text: String, cure: &str) -> Finding {
     Finding::grave(FindingKind::Identity, text, cure)
 }
 
-/// Returns the trial whose name begins the name of a file, where names have points.
+/// Returns the trial whose name starts the file's name, if names contain dots.
 fn longest(plan: &Plan, name: &str) -> Option<usize> {
     let fits =
         plan.trials.iter().filter(|trial| name.strip_prefix(&trial.name).is_some_and(|rest| rest.starts_with('.')));
     fits.max_by_key(|trial| trial.name.len()).map(|trial| trial.index)
 }
 
-/// Returns the trial of the plan that the records of a log name.
+/// Returns the trial of the plan that a log's records name.
 fn trial_of(plan: &Plan, known: &Known) -> Option<usize> {
     let meta = known.trial.as_ref()?;
     let trial = plan.trials.get(meta.index)?;
     let mut planned = trial_meta(trial, meta.attempt);
     if known.origin() == Some(Origin::Model) {
-        // The log of a steady state holds a period of it.
+        // The log of a steady state contains one of its periods.
         let TrialMeta { calibrate_s, preroll_s, run_s, decay_s, .. } = *meta;
         planned = TrialMeta { calibrate_s, preroll_s, run_s, decay_s, ..planned };
     }
     (planned == *meta).then_some(meta.index)
 }
 
-/// Says why a log is not of a session's plan, or older than the session, with what to do.
+/// Returns why a log does not belong to a session's plan or is older than the session, and the remedy.
 fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Option<(String, &'static str)> {
     let cure = "move it out of the session";
     let own = known.trial.as_ref()?;
@@ -226,14 +228,14 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
     Some((format!("is of {created}, and the session began on {begun}"), cure))
 }
 
-/// Returns what is to be said about a log because of the session in whose folder it is.
+/// Returns the findings about a log that follow from the session in its folder.
 pub(super) fn of_log(log: &Path) -> Vec<Finding> {
     let folder = match log.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
     let Some(name) = log.file_name().and_then(|name| name.to_str()) else { return Vec::new() };
-    // A folder that is no session, or whose logs cannot be read, says nothing about this one.
+    // A folder that is not a session, or has unreadable logs, gives no findings about this log.
     let Ok(session) = Session::open(folder) else { return Vec::new() };
     let sorted = log_names(folder).and_then(|names| sort(&session, &names));
     sorted.map_or_else(|_| Vec::new(), |mut sorted| sorted.findings.remove(name).into_iter().collect())

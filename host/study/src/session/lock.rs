@@ -9,7 +9,7 @@ use std::time::Duration;
 /// End of the name of a log while a simulation writes it.
 pub const UNFINISHED: &str = ".mcap.unfinished";
 
-/// Which other programs may write into the session at the same time.
+/// The other programs that may write into the session at the same time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sharing {
     /// None.
@@ -24,23 +24,23 @@ pub struct Lock {
     _manifest: File,
 }
 
-/// Returns whether another program is writing into the session in `folder` alone, as `biflag record` does. Shards do not
-/// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is changed;
-/// a folder without a manifest is not in use.
+/// Returns whether another program has exclusive use of the session in `folder`, like `biflag record`. Shards do not
+/// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is
+/// changed; a folder without a manifest is not in use.
 pub fn is_in_use(folder: &Path) -> bool {
-    // Two programs that ask at the same time share the lock.
+    // Two programs that ask at once share the lock.
     File::open(folder.join(MANIFEST))
         .is_ok_and(|manifest| matches!(manifest.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
 
 impl Session {
-    /// Locks the session for writing. Alone, removes what killed programs left in it.
+    /// Locks the session for writing. With [`Sharing::Alone`], also removes files left by killed programs.
     ///
     /// # Errors
     /// [`SessionError::InUse`] if another program holds the lock.
     pub fn lock(&self, sharing: Sharing) -> Result<Lock, SessionError> {
         let path = self.folder().join(MANIFEST);
-        // On network file systems an exclusive lock requires a file that is open for writing.
+        // On network file systems an exclusive lock requires a file open for writing.
         let manifest = File::options()
             .read(true)
             .write(true)
@@ -69,11 +69,11 @@ impl Session {
         }
     }
 
-    /// Removes the unfinished logs of killed simulations. There is no other program that writes them.
+    /// Removes the unfinished logs of killed simulations. The lock ensures that no program is writing them.
     fn remove_unfinished(&self) {
         for entry in std::fs::read_dir(self.folder()).into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().ends_with(UNFINISHED) {
-                // What cannot be removed is replaced when the trial is computed again.
+                // A file that cannot be removed is replaced when the trial is computed again.
                 let _ = std::fs::remove_file(entry.path());
             }
         }

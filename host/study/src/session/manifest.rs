@@ -21,7 +21,7 @@ const FORMAT: u32 = 1;
 pub(super) struct Manifest {
     #[serde(default = "format")]
     format: u32,
-    /// When and by which program the session was started, for people.
+    /// Start time and starting program of the session, for information only.
     #[serde(default)]
     pub created: String,
     #[serde(default)]
@@ -36,7 +36,7 @@ pub(super) struct Manifest {
     /// Name of the robot or of its file.
     #[serde(default)]
     robot_name: Option<String>,
-    /// Text of the sensor's file, if the plan names one or the board keeps what was measured.
+    /// Text of the sensor's file, if the plan names one or the board stores measured values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<String>,
 }
@@ -80,7 +80,7 @@ impl Manifest {
             ErrorKind::InvalidData => wrong("is not text in UTF-8".to_owned()),
             _ => SessionError::Io { path: path.clone(), source },
         })?;
-        // A newer manifest may lack what this version needs.
+        // A newer manifest may lack keys that this version needs.
         let newer = text.parse::<toml::Table>().ok().filter(|table| {
             table.get("format").and_then(toml::Value::as_integer).is_some_and(|format| format > FORMAT.into())
         });
@@ -101,7 +101,7 @@ impl Manifest {
         });
         match self.robot_name {
             Some(name) => plan.robot.name = name,
-            // A manifest without the name was written before `physical` existed.
+            // A manifest without the name is older than `physical`.
             None if plan.robot.name == PHYSICAL => plan.robot.name = PUBLISHED.to_owned(),
             None => {}
         }

@@ -8,11 +8,11 @@
 //!   001_w1+50_w2+10.recovered.mcap       the first attempt, recovered by `biflag recover`
 //! ```
 //!
-//! The state of a trial is determined from its logs alone, and which trial a log holds from its content. File names are made from the plan's numbers, so that no text
-//! in a plan can lead to a path outside the folder.
+//! The state of a trial follows from its logs alone, and the trial of a log from the log's content. File names are made
+//! from the plan's numbers, so no text in a plan can lead to a path outside the folder.
 //!
-//! One program at a time writes into a session ([`Session::lock`]), and all of its trials run in the same place with
-//! the same settings ([`Session::expect_same_rig`]).
+//! One program at a time writes into a session ([`Session::lock`]), and all of its trials run on the same rig with the
+//! same settings ([`Session::expect_same_rig`]).
 
 mod error;
 mod identity;
@@ -43,7 +43,7 @@ const NAMED: usize = 3;
 pub struct Session {
     folder: PathBuf,
     plan: Plan,
-    /// When it was started; empty if its manifest does not say so.
+    /// Start time of the session; empty if the manifest does not state it.
     created: String,
 }
 
@@ -52,34 +52,34 @@ pub struct Session {
 pub struct TrialState {
     /// The trial.
     pub trial: Trial,
-    /// Its logs, in order of the attempts.
+    /// Its logs, in the order of the attempts.
     pub attempts: Vec<Attempt>,
-    /// Findings about logs that bear its name and are none of its attempts.
+    /// Findings about logs that have its name but are not attempts at it.
     pub left_out: Vec<LogFinding>,
 }
 
 /// A log of a trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Attempt {
-    /// Number of the attempt, from 1. A recovered log has the number of the log that it was recovered from.
+    /// Number of the attempt, from 1. A recovered log has the number of its original.
     pub number: u32,
     /// The log.
     pub path: PathBuf,
     /// Its summary; `None` if the log is incomplete.
     pub summary: Option<Summary>,
-    /// Descriptions of the parts that were lost: before the log was recovered, or found by checking the log.
+    /// Descriptions of lost parts: lost before the log was recovered, or found by checking the log.
     pub losses: Vec<String>,
-    /// Findings about the log among the others of its session.
+    /// Findings about the log's identity within its session.
     pub identity: Vec<Finding>,
 }
 
 impl Attempt {
-    /// Returns the log at a path, with what the session in whose folder it is says about it.
+    /// Returns the log at a path, with the findings that follow from the session in its folder.
     pub fn of_log(path: &Path) -> Self {
         Self { number: 1, path: path.to_owned(), summary: None, losses: Vec::new(), identity: identity::of_log(path) }
     }
 
-    /// Reads the log, with the findings about it among the others of its session.
+    /// Reads the log, with the findings about its identity.
     ///
     /// # Errors
     /// [`LogError`] if the file is not a biflag log or cannot be read.
@@ -87,7 +87,7 @@ impl Attempt {
         Ok(Data { identity: self.identity.clone(), ..Data::read(&self.path, want)? })
     }
 
-    /// Returns whether the log's own summary says that all phases were completed, and no losses of it are known.
+    /// Returns whether the log's own summary says that all phases were completed, and it has no known losses.
     fn is_complete(&self) -> bool {
         self.losses.is_empty() && self.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
     }
@@ -99,7 +99,7 @@ impl TrialState {
         self.attempts.iter().rev().find(|attempt| attempt.is_complete())
     }
 
-    /// Returns the attempt that represents the trial: the last complete one, else the last one.
+    /// Returns the attempt that represents the trial: the last complete one, or else the last one.
     pub fn best(&self) -> Option<&Attempt> {
         self.complete().or(self.attempts.last())
     }
@@ -116,9 +116,9 @@ impl TrialState {
         Ok(())
     }
 
-    /// Checks every log that ends as a complete one does and has a recovered copy with losses. If the log is damaged in
-    /// its middle, the copy shows what its end does not; if the log was still being written when it was copied, the copy
-    /// says nothing about it.
+    /// Checks every log that looks complete from its end but has a recovered copy with losses. The log may be damaged
+    /// in the middle, which its end does not show. Or the copy was made while the log was still being written, and its
+    /// losses mean nothing.
     fn check_recovered(&mut self) -> Result<(), LogError> {
         let has_losses: Vec<u32> =
             (self.attempts.iter().filter(|attempt| !attempt.losses.is_empty())).map(|attempt| attempt.number).collect();
@@ -150,8 +150,8 @@ impl Session {
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
-        // A log is assigned to a trial by its name, so a log of another session could be mistaken for one of this
-        // session.
+        // A log without its trial's record is assigned by its name, so a log of another session could be mistaken for
+        // one of this.
         if !folder.join(MANIFEST).exists()
             && let Some(log) = log_names(folder)?.into_iter().next()
         {
@@ -192,7 +192,7 @@ impl Session {
         &self.folder
     }
 
-    /// Returns when it was started; empty if its manifest does not say so.
+    /// Returns the start time of the session; empty if the manifest does not state it.
     pub fn created(&self) -> &str {
         &self.created
     }
@@ -210,8 +210,8 @@ impl Session {
         self.states_among(self.plan.trials.iter(), &log_names(&self.folder)?)
     }
 
-    /// Returns the state of each trial, with a full check of the logs of trials that have more than one, so that an intact
-    /// log is preferred to a damaged later one.
+    /// Returns the state of each trial. If a trial has several logs, they are checked in full, so an intact log is
+    /// preferred to a later damaged one.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -221,8 +221,8 @@ impl Session {
         Ok(states)
     }
 
-    /// Returns the state of each trial after checking the logs of complete trials in full, because damage in the middle
-    /// does not show at the end. This takes about 0.1 s per log.
+    /// Returns the state of each trial after a full check of the logs of complete trials, because the end of a log does
+    /// not show damage in its middle. This takes about 0.1 s per log.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -248,7 +248,7 @@ impl Session {
         (!names.is_empty()).then(|| LogFinding { log: self.folder.display().to_string(), finding })
     }
 
-    /// Returns the state of one trial, from the logs that bear its name.
+    /// Returns the state of one trial, from the logs with its name.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -260,8 +260,8 @@ impl Session {
         Ok(self.states_among(std::iter::once(trial), &names)?.pop().unwrap_or_else(none))
     }
 
-    /// Returns the number and the path of the next attempt at a trial. Nothing is there yet, whatever bears the name of a
-    /// log of the trial.
+    /// Returns the number and the path of the next attempt at a trial. The path is free, even if files other than logs
+    /// have such names.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -306,16 +306,16 @@ impl Session {
         let read = || Ok((biflag_log::last_meta::<RecoveryMeta>(&path)?, biflag_log::summary(&path)?));
         let (losses, summary) = match read() {
             Ok((recovery, summary)) => (recovery.into_iter().map(|recovery| recovery.lost).collect(), summary),
-            // What cannot be read may be a complete log, so it is neither lost nor repeated.
+            // An unreadable file may be a complete log, so it is neither lost nor repeated.
             Err::<_, LogError>(error) if error.is_of_reading() => return Err(error),
-            // What is no log is the loss of this attempt alone.
+            // A file that is not a log only costs this attempt.
             Err(error) => (vec![described(&error)], None),
         };
         Ok(Attempt { number, path, summary, losses, identity: identity.into_iter().collect() })
     }
 }
 
-/// Checks a log in full; returns descriptions of the parts that are lost.
+/// Checks a log in full; returns descriptions of the lost parts.
 fn losses(path: &Path) -> Result<Vec<String>, LogError> {
     match biflag_log::check(path) {
         Ok(losses) => Ok(losses.iter().map(ToString::to_string).collect()),
@@ -335,7 +335,7 @@ fn log_names(folder: &Path) -> Result<Vec<String>, SessionError> {
         match entry.path().metadata() {
             Ok(target) if target.is_file() => names.push(name),
             Ok(_) => {}
-            // A link to nothing is no log.
+            // A dangling link is not a log.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {}
             Err(source) => return Err(SessionError::Io { path: entry.path(), source }),
         }
@@ -352,7 +352,7 @@ fn described(error: &LogError) -> String {
     }
 }
 
-/// The most attempts at a trial. A larger number in a file name was not written by biflag.
+/// Largest number of attempts at a trial. A larger number in a file name was not written by biflag.
 const MAX_ATTEMPTS: u32 = 1_000_000;
 
 /// Returns the number of the attempt from the part of the file name after the trial's name and a dot.
@@ -366,7 +366,7 @@ fn attempt_number(suffix: &str) -> u32 {
         .unwrap_or(1)
 }
 
-/// Returns the first part of two plans that makes their trials differ. Names and notes may differ.
+/// Returns the first difference between two plans that makes their trials differ. Names and notes may differ.
 fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     let phases = |plan: &Plan| plan.trials.first().map(|trial| trial.phases);
     if phases(old) != phases(new) {
@@ -384,8 +384,8 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     }
 }
 
-/// Returns the default folder of a plan with this name, which may hold anything: characters that do not suit a folder's
-/// name are replaced.
+/// Returns the default folder of a plan with this name. The name may contain any text: characters that do not suit a
+/// folder's name are replaced.
 pub fn folder_named(name: &str) -> PathBuf {
     let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
     let name: String = name.chars().map(fit).take(60).collect();

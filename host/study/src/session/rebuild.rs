@@ -1,4 +1,4 @@
-//! Rebuilds a session whose manifest is lost or damaged from its logs, each of which has the plan and the robot.
+//! Rebuilds a lost or damaged manifest from the session's logs: each log contains the plan and the robot.
 
 use super::manifest::Manifest;
 use super::{MANIFEST, Session, SessionError, described, difference, is_in_use, log_names};
@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 pub struct Rebuilt {
     /// The session.
     pub session: Session,
-    /// Whether the manifest was written; it is not if it was intact.
+    /// Whether the manifest was written; an intact one is kept.
     pub written: bool,
     /// The damaged manifest, under its new name.
     pub kept: Option<PathBuf>,
     /// Number of logs that have the session's plan.
     pub logs: usize,
-    /// Logs whose plan cannot be read, with the reasons.
+    /// Logs without a readable plan, with the reasons.
     pub unreadable: Vec<String>,
 }
 
-/// Rebuilds the manifest of the session in `folder` from the logs, unless it is intact. Drafts of killed programs are
-/// removed.
+/// Rebuilds the manifest of the session in `folder` from the logs, unless it is intact. Removes drafts of killed
+/// programs.
 ///
 /// # Errors
 /// [`SessionError::NothingToRebuild`], [`SessionError::DifferentPlans`], [`SessionError::Newer`],

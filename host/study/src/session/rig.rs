@@ -1,15 +1,15 @@
-//! Checks that all trials of a session run in the same place with the same settings.
+//! Checks that all trials of a session run on the same rig with the same settings.
 
 use super::{Session, SessionError, TrialState};
 use biflag_log::{BoardMeta, Identity, Origin, SensorMeta};
 
-/// Settings that do not affect the measurement: those of the wiring make the speeds right, and the id is compared by itself.
+/// Settings that may differ: the wiring's settings only make the speeds right, and the id is compared separately.
 const NOT_COMPARED: [&str; 7] =
     ["board_id", "gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv", "motor_reversed", "encoder_reversed"];
 
 impl Session {
-    /// Checks that the next trials run in the same place, with the same settings and with the same emulated sensor as the
-    /// last complete one. Returns a note for the user.
+    /// Checks that the next trials run on the same rig, with the same settings and the same emulated sensor as the last
+    /// complete one. Returns a note for the user.
     ///
     /// # Errors
     /// [`SessionError::OtherRig`], [`SessionError::Log`].
@@ -74,7 +74,7 @@ fn emulated(sensor: &SensorMeta) -> String {
 fn other_setting(before: &str, now: &str) -> Option<(String, String)> {
     let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().unwrap_or_default());
     before.iter().filter(|(key, _)| !NOT_COMPARED.contains(&key.as_str())).find_map(|(key, was)| {
-        // A setting that one version of the firmware does not have is not compared.
+        // A setting that is missing in one version of the firmware is not compared.
         let is = now.get(key).filter(|is| *is != was)?;
         Some((format!("{key} = {was}"), format!("{key} = {is}")))
     })

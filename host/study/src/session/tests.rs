@@ -105,7 +105,8 @@ fn trial_with_a_damaged_log_is_repeated() {
     assert!(log.exists());
 }
 
-/// A log that was copied while it was written is complete once it is; a copy of its beginning says nothing about it.
+/// A log that was copied while being written can still become complete; a copy of its beginning says nothing about its
+/// losses.
 #[test]
 fn complete_log_wins_over_a_copy_of_its_beginning() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,8 +129,8 @@ fn complete_log_wins_over_a_copy_of_its_beginning() {
     }
 }
 
-/// A log that cannot be read may be whole: it is not repeated. Permissions do not apply to the superuser, so its disk
-/// fails here.
+/// A log that cannot be read may be complete, so its trial is not repeated. The test simulates a failing disk, because
+/// permissions do not apply to the superuser.
 #[test]
 #[cfg(target_os = "linux")]
 fn log_that_cannot_be_read_is_an_error_and_no_loss() {
@@ -152,7 +153,7 @@ fn log_that_cannot_be_read_is_an_error_and_no_loss() {
     }
     assert!(matches!(session.next_attempt(second), Err(SessionError::Log(_))));
     assert!(session.state(first).unwrap().complete().is_some(), "the other trial is not concerned");
-    // Nor can be what is behind a link that leads to itself.
+    // A link to itself cannot be read either.
     std::fs::remove_file(&log).unwrap();
     symlink(log.file_name().unwrap(), &log).unwrap();
     assert!(matches!(session.states(), Err(SessionError::Io { path, .. }) if path == log));
@@ -311,7 +312,7 @@ fn folder_named_after_a_plan_is_safe() {
     }
 }
 
-/// Plan and robot are in every log, so that a session without its manifest goes on.
+/// Plan and robot are in every log, so a session without its manifest can continue.
 #[test]
 fn lost_or_damaged_manifest_is_rebuilt_from_the_logs() {
     let folder = tempfile::tempdir().unwrap();
@@ -363,7 +364,7 @@ fn manifest_is_rebuilt_from_the_logs_of_one_plan_only() {
     assert!(!folder.path().join(MANIFEST).exists());
 }
 
-/// Only the plan and a robot of its own are needed to go on. Without the robot's name it is the published one.
+/// Only the plan and the text of its own robot are needed to continue. Without a name, the robot is the published one.
 #[test]
 fn cosmetic_keys_may_be_missing_in_the_manifest() {
     let folder = tempfile::tempdir().unwrap();
@@ -385,7 +386,7 @@ fn cosmetic_keys_may_be_missing_in_the_manifest() {
     assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));
 }
 
-/// Links to logs are logs. Whatever else bears a log's name is not overwritten, and stops no trial.
+/// Links to logs are logs. Other files with a log's name are not overwritten, and do not stop a trial.
 #[test]
 #[cfg(target_os = "linux")]
 fn links_are_followed_and_what_is_no_log_is_the_loss_of_its_trial() {

@@ -1,6 +1,7 @@
-//! How far the yaw that is held may be off, before the trial: only a gyroscope tells it, and only rest tells its drift.
+//! The uncertainty of the held yaw, before the trial: only the gyroscope measures the yaw, and only rest shows its
+//! drift.
 //!
-//! The terms are those of a trial's budget ([`crate::trial::Budget`]) that matter here, for a robot that leans by its mean
+//! The terms are the relevant ones of a trial's budget ([`crate::trial::Budget`]), for a robot that leans by its mean
 //! tilt from the start:
 //!
 //! | term | standard uncertainty after the time t |
@@ -19,8 +20,8 @@ use std::fmt;
 /// Half width of a 95 % interval in standard deviations.
 const COVERAGE: f64 = 1.96;
 
-/// Assumed: how fast the base warms in the first minutes of a run, °C/s, as by 2 °C in the end with a time constant of 300 s.
-/// Nothing shows the drift that follows from it while the motors turn.
+/// Assumed rate at which the base warms in the first minutes of a run, °C/s: 2 °C in total with a time constant of 300
+/// s. The resulting drift cannot be measured while the motors turn.
 const WARMING_C_PER_S: f64 = 2.0 / 300.0;
 
 /// Error of the yaw by its causes, standard uncertainties in degrees.
@@ -33,7 +34,7 @@ pub struct YawError {
     noise: f64,
 }
 
-/// Returns how far a yaw may be off that is held for `time_s` after a rest of `rest_s`, by a robot with this tilt.
+/// Returns the error of a yaw held for `time_s` after a rest of `rest_s`, by a robot with this tilt.
 pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, time_s: f64) -> YawError {
     let walk = sensor.angle_walk().map_or(ANGLE_WALK, |(walk, _)| walk);
     let gravity_dps = sensor.gyro_g_dps[2][0].u.max(sensor.gyro_g_dps[2][1].u) * tilt_deg.to_radians().sin();
@@ -41,7 +42,7 @@ pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, ti
     YawError {
         scale: sensor.gyro_scale[2].u * yaw_deg.abs(),
         gravity: gravity_dps.abs() * time_s,
-        // The mean bias while the yaw is held, against that of the rest.
+        // The change of the mean bias since the rest.
         bias: slope.hypot(sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
         warming: WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s,
         noise: walk * time_s.sqrt(),

@@ -1,18 +1,19 @@
-//! The built-in controller: a feed-forward from the map of the robot, and an integral of the remaining error of the means.
+//! The built-in controller: a feed-forward from the robot's map, and an integral of the remaining error of the means.
 //!
-//! Near the speeds w₀ at which the map has the wanted attitude y*, the mean attitude y of the robot follows its speeds w as
-//! τ y' = y* + J (w - w₀) - y: J are the derivatives of the map, and τ the lags [`LAGS_S`], diagonal. Without
-//! an error of the map, y goes the way r of τ r' = s y* - r, where s rises from 0 to 1 while the motors start. The
-//! controller corrects only what differs from it. With the error of the means e = r̄ - ȳ, both over the same turns,
+//! Let w₀ be the speeds at which the map has the target attitude y*. Near w₀, the robot's mean attitude y follows its
+//! speeds w as τ y' = y* + J (w - w₀) - y, with the derivatives J of the map and the diagonal lags τ, [`LAGS_S`]. If
+//! the map is exact, y follows the reference r given by τ r' = s y* - r, where s rises from 0 to 1 while the motors
+//! start. The controller corrects only deviations from r. With the error of the means e = r̄ - ȳ, both over the same
+//! turns,
 //!
 //! ```text
 //! w = s w₀ + J⁻¹ (τ e + ∫ e dt) / T
 //! ```
 //!
-//! The term τ e cancels the lag of the robot, so that the loop is that of an integral and of the delay of the means, half of
-//! their window, at most 3 s: G(s) = exp(-3 s) / (T s). With T = [`RESPONSE_S`] = 8 s an error falls by e in 8 s. The phase
-//! margin is 90° - 3/8 rad = 69°. The loop is stable as long as the robot answers with less than π/2 · 8/3 = 4 times what
-//! the map says, which leaves room for a wrong map, as that of a robot in a fluid of another viscosity.
+//! The term τ e cancels the robot's lag. The open loop is then an integrator with the delay of the means, half of their
+//! window, at most 3 s: G(s) = exp(-3 s) / (T s). With T = [`RESPONSE_S`] = 8 s an error falls by e in 8 s. The phase
+//! margin is 90° - 3/8 rad = 69°. The loop is stable as long as the robot's response is less than π/2 · 8/3 = 4 times
+//! the map's. This leaves room for a wrong map, such as the map for another viscosity.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
@@ -20,7 +21,7 @@
 //! | change of a speed | [`SLEW_RPM_S`] | the flagella wind up under a jump; the map is that of slow changes |
 //! | change of speed for a degree | [`STEEPEST_RPM`] | where the map is flat, its inverse asks for any speed |
 //!
-//! While a limit holds, the integral stands still, so that it does not wind up.
+//! While a limit is active, the integral is frozen, so that it does not wind up.
 
 use super::{Means, Observation, SteerError, Wanted};
 use crate::aim::{Nearest, Quantity, STEEPEST_RPM, Table, Target, nearest};
@@ -33,17 +34,17 @@ const RESPONSE_S: f64 = 8.0;
 /// Fastest change of a speed, rpm/s.
 const SLEW_RPM_S: f64 = 30.0;
 
-/// Largest error of the table with which an attitude is within reach, degrees.
+/// An attitude is within reach if the table's error is at most this, degrees.
 const WITHIN_REACH_DEG: f64 = 3.0;
 
-/// Lags τ of mean yaw and pitch behind the set-points, s: those of the robot `physical` from rest to 48.8 and 10.46 rpm. The base
-/// follows its motors faster than it returns to rest without them, when flagella at rest hold it back.
+/// Lags τ of mean yaw and pitch behind the set-points, s, for the robot `physical` from rest to 48.8 and 10.46 rpm. The
+/// base follows its motors faster than it returns to rest, when the resting flagella hold it back.
 const LAGS_S: [f64; 2] = [1.6, 5.3];
 
-/// What the controller knows about the robot: the speeds of an attitude, and what a change of them does.
+/// The controller's knowledge of the robot: the speeds for an attitude, and the effect of changing them.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Map {
-    /// The attitude by the table.
+    /// The target, whose yaw is shifted by whole turns to the table's.
     pub wanted: Wanted,
     /// The speeds, rpm.
     pub rpm: [f64; 2],
@@ -51,15 +52,15 @@ pub struct Map {
     pub tilt_deg: f64,
     /// Whether the flagella touch at the nearest speeds of the table.
     pub touches: bool,
-    /// Change of the speeds for a degree of yaw and of pitch, rpm.
+    /// Changes of the speeds for one degree of yaw and of pitch, rpm.
     inverse: Matrix2<f64>,
 }
 
 impl Map {
-    /// Returns what a table says about an attitude. Its yaw is taken modulo 360 degrees.
+    /// Returns the map near an attitude from a table. The yaw is taken modulo 360 degrees.
     ///
     /// # Errors
-    /// [`SteerError::OutOfReach`], and [`SteerError::Aim`] for a yaw or pitch that no robot can have.
+    /// [`SteerError::OutOfReach`], and [`SteerError::Aim`] for an impossible yaw or pitch.
     pub fn of_table(table: &Table, yaw_deg: f64, pitch_deg: f64) -> Result<Self, SteerError> {
         let target = Target::new([(Quantity::Yaw, Some(yaw_deg)), (Quantity::Pitch, Some(pitch_deg))])?;
         let Nearest { rpm, attitude, error_deg, contact_share, derivatives } = nearest(table, &target)?;
@@ -89,7 +90,7 @@ pub struct Controller {
     map: Map,
     /// Share of the feed-forward.
     begun: f64,
-    /// The way that the robot should go: yaw and pitch now, and over time.
+    /// The reference r: present yaw and pitch, and both over time.
     expected_deg: Vector2<f64>,
     expectations: Means,
     /// ∫ e dt / T, degrees.
@@ -98,7 +99,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Returns the controller of a robot at rest.
+    /// Creates the controller for a robot at rest.
     pub fn new(map: Map) -> Self {
         Self {
             map,
@@ -142,7 +143,7 @@ mod tests {
     use super::*;
 
     const WANTED: Wanted = Wanted { yaw_deg: -60.0, pitch_deg: -4.0 };
-    /// Lags of a robot, unlike those that the controller assumes.
+    /// Lags of a robot, different from the controller's.
     const OWN_LAGS_S: [f64; 2] = [4.0, 4.0];
 
     fn map() -> Map {
@@ -151,7 +152,8 @@ mod tests {
         Map { wanted: WANTED, rpm: [50.0, 10.0], tilt_deg: 6.0, touches: false, inverse }
     }
 
-    /// Steers a robot of first order whose map is `gain` of the expected one. Returns mean yaw and pitch over time.
+    /// Steers a first-order robot whose response is `gain` times the expected one. Returns mean yaw and pitch over
+    /// time.
     fn steered(gain: f64, lags_s: [f64; 2], seconds: f64, mut push_deg: impl FnMut(f64) -> f64) -> Vec<[f64; 2]> {
         let mut controller = Controller::new(map());
         let (mut attitude, mut means) = ([0.0; 2], Means::default());

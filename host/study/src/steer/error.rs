@@ -24,17 +24,17 @@ pub enum SteerError {
     #[error("the policy ended{}", status.as_ref().map_or_else(String::new, |status| format!(": {status}")))]
     #[diagnostic(help("its own messages are above; it must read observations until its standard input ends"))]
     Ended {
-        /// How, if it is known.
+        /// Its exit status, if it is known.
         status: Option<String>,
     },
-    /// The policy has ended the run: no failure.
+    /// The policy has ended the run. This is not a failure.
     #[error("the policy ended the run")]
     Over,
     /// The policy does not answer.
     #[error("the policy gave no speeds within {waited_s} s")]
     #[diagnostic(help("{REPLY}"))]
     Silent {
-        /// How long it had.
+        /// Time that it had, s.
         waited_s: f64,
     },
     /// The policy wrote something else.
@@ -46,14 +46,14 @@ pub enum SteerError {
         /// What is wrong.
         reason: String,
     },
-    /// The policy wrote a line that nobody had asked for.
+    /// The policy wrote a line without an observation.
     #[error("the policy wrote more than one line for an observation: {line:?}")]
     #[diagnostic(help("{REPLY}; its own messages belong on its standard error"))]
     Unasked {
         /// The beginning of the line.
         line: String,
     },
-    /// Speeds beyond those of the board.
+    /// The speeds exceed the board's limit.
     #[error("the policy asked for {} and {} rpm, and the board turns at most at {} rpm", rpm[0], rpm[1], CentiRpm::LIMIT.rpm())]
     #[diagnostic(help("limit the speeds in the policy"))]
     TooFast {
@@ -72,9 +72,9 @@ pub enum SteerError {
         yaw_deg: f64,
         /// Wanted pitch.
         pitch_deg: f64,
-        /// The least error.
+        /// The smallest error.
         error_deg: f64,
-        /// Where it is.
+        /// The speeds with the smallest error.
         rpm: [f64; 2],
     },
     /// The table cannot be used.

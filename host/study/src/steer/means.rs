@@ -4,7 +4,8 @@ use crate::attitude::Columns;
 use sim::trial::means::whole_turns;
 use std::f64::consts::PI;
 
-/// Longest time of a mean, s: a turn at 10 rpm. A longer one delays the controller, a shorter one leaves more of the swing.
+/// Longest averaging time, s: one turn at 10 rpm. A longer mean delays the controller; a shorter one removes less of
+/// the swing.
 pub const LONGEST_S: f64 = 6.0;
 
 /// Yaw and pitch over time, and their means.
@@ -17,8 +18,8 @@ impl Means {
         self.0.push(time_s, yaw_pitch);
     }
 
-    /// Returns the means over whole turns of flagella at these speeds up to the last time, or over all times if they are
-    /// fewer.
+    /// Returns the means up to the last time, over whole turns of flagella at these speeds, or over all times if the
+    /// record is shorter.
     pub fn over_turns(&self, rpm: [f64; 2]) -> [f64; 2] {
         let span = self.0.span();
         let length_s = whole_turns(rpm.map(|rpm| rpm * PI / 30.0), LONGEST_S);
@@ -41,7 +42,7 @@ mod tests {
             means.push(time_s, [20.0 + 3.0 * swing(50.0), 4.0 + swing(50.0) - 2.0 * swing(10.0)]);
         }
         let [yaw, pitch] = means.over_turns([50.0, 10.0]);
-        // The trapezium rule of 24 intervals a turn.
+        // The trapezium rule with 24 intervals per turn.
         assert!((yaw - 20.0).abs() < 1e-9 && (pitch - 4.0).abs() < 1e-9, "{yaw} {pitch}");
         let [_, other] = means.over_turns([37.0, 0.0]);
         assert!((other - 4.0).abs() > 0.1, "other turns leave a part: {other}");

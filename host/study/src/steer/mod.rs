@@ -1,11 +1,12 @@
 //! Steering: reaches an attitude and holds it, on the rig and in the model.
 //!
-//! Twenty times a second a [`Pilot`] gets an [`Observation`] and gives the speeds of both motors: the built-in
-//! [`Controller`], or a [`Policy`], any program that reads a line of JSON and writes one. [`Steering`] is the loop without
-//! its clock: the rig (crate `rig`) and the model ([`crate::run::model::steer`]) call it, each at the ticks of its own board.
+//! Twenty times a second a [`Pilot`] receives an [`Observation`] and returns the speeds of both motors. A pilot is the
+//! built-in [`Controller`], or a [`Policy`]: any program that reads a line of JSON and writes one. [`Steering`] is the
+//! control loop without a clock: the rig (crate `rig`) and the model ([`crate::run::model::steer`]) call it at the
+//! ticks of their own boards.
 //!
-//! The robot swings by some degrees with each turn of its flagella, at any speeds. What can be reached and held is the mean
-//! over some turns ([`Means`]).
+//! At any speeds, the robot swings by some degrees with each turn of its flagella. Only the mean over some turns can be
+//! reached and held ([`Means`]).
 
 mod budget;
 mod controller;
@@ -29,14 +30,14 @@ pub use record::{Times, message};
 pub use result::{Held, Tally};
 pub use steering::{SetPoint, Steering};
 
-/// Observations and set-points a second.
+/// Observations and set-points per second.
 pub const RATE_HZ: f64 = 20.0;
 
-/// Time from one observation to the next, µs of the board's clock: ten of its ticks.
+/// Time between two observations, µs of the board's clock: ten of its ticks.
 pub const PERIOD_US: u64 = 50_000;
 
-/// Largest error of mean yaw and pitch at which an attitude counts as reached, degrees.
+/// An attitude counts as reached if the errors of mean yaw and pitch are at most this, degrees.
 pub const REACHED_DEG: f64 = 1.0;
 
-/// Time at the end of a run whose means are the result, s.
+/// The result is the means over this time at the end of a run, s.
 pub const HELD_S: f64 = 30.0;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// The attitude that is to be reached and held.
+/// The attitude to reach and hold.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Wanted {
     /// Mean yaw since the start of the run.
@@ -13,7 +13,7 @@ pub struct Wanted {
     pub pitch_deg: f64,
 }
 
-/// What is measured of the robot at a moment: in the model the truth, on a rig what the board says.
+/// The robot's measured state at one time: exact in the model, from the board on a rig.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Measured {
     /// Yaw since the start of the run, unwrapped.
@@ -30,15 +30,15 @@ pub struct Measured {
     pub turns: [f64; 2],
 }
 
-/// What a pilot is told: the line that a policy reads.
+/// A pilot's input: the line that a policy reads.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Observation {
     /// Time since the start of the run by the board's clock.
     pub time_s: f64,
-    /// What is wanted.
+    /// The target attitude.
     #[serde(flatten)]
     pub wanted: Wanted,
-    /// What is measured.
+    /// The measured state.
     #[serde(flatten)]
     pub measured: Measured,
     /// Mean yaw over the last turns of the flagella.
@@ -48,7 +48,7 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Returns what the means lack of the wanted yaw and pitch, degrees.
+    /// Returns target minus mean for yaw and pitch, degrees.
     pub fn misses_deg(&self) -> [f64; 2] {
         [self.wanted.yaw_deg - self.mean_yaw_deg, self.wanted.pitch_deg - self.mean_pitch_deg]
     }

@@ -13,7 +13,7 @@ pub enum Pilot {
         /// Its answer to the last observation.
         answer: Option<[f64; 2]>,
     },
-    /// Another program.
+    /// An external program.
     Policy(Policy),
 }
 
@@ -23,7 +23,7 @@ impl Pilot {
         Self::Controller { controller: Box::new(controller), answer: None }
     }
 
-    /// Passes on an observation. `period_s`: time since the one before.
+    /// Passes an observation on. `period_s`: time since the previous one.
     ///
     /// # Errors
     /// Those of a policy.
@@ -37,7 +37,7 @@ impl Pilot {
         }
     }
 
-    /// Returns the speeds (rpm) for the last observation; `None` if they do not come within this time.
+    /// Returns the speeds (rpm) for the last observation; `None` if they do not arrive within this time.
     ///
     /// # Errors
     /// Those of a policy.

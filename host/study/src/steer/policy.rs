@@ -1,4 +1,4 @@
-//! A pilot that is another program: a line of JSON with the observation on its standard input, a line with two speeds back.
+//! A pilot in another program, which reads a line of JSON with the observation and writes a line with two speeds.
 //!
 //! ```text
 //! {"time_s":12.35,"wanted_yaw_deg":-67.0,"wanted_pitch_deg":-4.0,"yaw_deg":-61.2,"pitch_deg":-3.1,"roll_deg":-4.0,
@@ -6,8 +6,9 @@
 //! {"speeds_rpm":[50,10]}
 //! ```
 //!
-//! The line `{"end":true}` ends the run before its time. Each is a single line; the first is broken here for reading. The program starts before the trial and gets its first
-//! observation when the run begins. Its standard input ends with the run. What it writes on its standard error is shown.
+//! The line `{"end":true}` ends the run early. Each message is a single line; the first is broken here for reading. The
+//! program starts before the trial and receives its first observation when the run begins. Its standard input ends with
+//! the run. Its standard error is shown.
 //!
 //! A program that starts `biflag` itself can be its policy ([`Policy::own`]): it reads the observations from the standard
 //! output of `biflag` and writes the speeds to its standard input.
@@ -23,40 +24,40 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Longest line that is read; a longer one is nonsense.
+/// Longest line that is read, bytes; a longer line is an error.
 const LONGEST_LINE: u64 = 4096;
 
 /// Characters of a wrong line that an error shows.
 const SHOWN: usize = 80;
 
-/// Time for a policy to end by itself after its standard input has.
+/// Time that a policy has to exit after the end of its standard input.
 const END_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// How long a policy may take.
+/// Time limits for a policy's answers.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// For its first line: it may have to load a network.
+    /// Limit for its first line: it may have to load a network.
     pub first: Duration,
-    /// For each further line.
+    /// Limit for each further line.
     pub each: Duration,
 }
 
 impl Patience {
-    /// On a rig, where the motors turn meanwhile: less than the board's own deadline.
+    /// Limits on a rig, where the motors turn meanwhile: shorter than the board's own deadline.
     pub const OF_RIG: Self = Self { first: Duration::from_secs(60), each: Duration::from_millis(400) };
 
-    /// In the model, whose time stands still meanwhile.
+    /// Limits in the model, which waits meanwhile.
     pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(60) };
 }
 
-/// Where the observations go.
+/// Receives the observations.
 #[derive(Debug)]
 enum Input {
     Child(ChildStdin),
     Own(Stdout),
 }
 
-/// The line of a policy.
+/// A policy's line.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Reply {
@@ -72,10 +73,10 @@ pub struct Policy {
     /// `None` for the program that started this one.
     child: Option<Child>,
     input: Option<Input>,
-    /// Its lines, from a thread of their own: a program that hangs must not stop this one.
+    /// Its lines, read by a separate thread: a program that hangs must not block this one.
     lines: Receiver<String>,
     patience: Patience,
-    /// When the observation that waits for an answer was sent.
+    /// When the unanswered observation was sent.
     asked: Option<Instant>,
     has_answered: bool,
 }
@@ -90,7 +91,7 @@ impl Policy {
             .args(["-c", command])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            // A Ctrl-C is for this program, which then stops the motors.
+            // Ctrl-C must only reach this program, which then stops the motors.
             .process_group(0)
             .spawn()
             .map_err(|source| SteerError::NotStarted { command: command.to_owned(), source })?;
@@ -109,7 +110,7 @@ impl Policy {
     /// Sends an observation.
     ///
     /// # Errors
-    /// [`SteerError::Unasked`] if a line is there already, [`SteerError::Ended`].
+    /// [`SteerError::Unasked`] if a line has already arrived, [`SteerError::Ended`].
     pub fn ask(&mut self, observation: &Observation) -> Result<(), SteerError> {
         if let Ok(line) = self.lines.try_recv() {
             return Err(SteerError::Unasked { line: beginning(&line) });
@@ -126,10 +127,10 @@ impl Policy {
         Ok(())
     }
 
-    /// Returns the speeds (rpm) for the last observation; `None` if they do not come within this time.
+    /// Returns the speeds (rpm) for the last observation; `None` if they do not arrive within this time.
     ///
     /// # Errors
-    /// [`SteerError::Silent`] if the program has had enough time, and those of its line.
+    /// [`SteerError::Silent`] after the time limit, and the errors of its line.
     pub fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
         let Some(asked) = self.asked else { return Ok(None) };
         let allowed = if self.has_answered { self.patience.each } else { self.patience.first };
@@ -159,14 +160,14 @@ impl Drop for Policy {
         self.input = None;
         let Some(child) = &mut self.child else { return };
         if wait(child, END_TIMEOUT).is_none() {
-            // With its children: the shell alone would leave them running.
+            // Kill its children, too: killing only the shell would leave them running.
             let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
             let _ = child.wait();
         }
     }
 }
 
-/// Waits for the end of a program; returns how it ended.
+/// Waits for a program to exit; returns its status.
 fn wait(child: &mut Child, longest: Duration) -> Option<String> {
     let begun = Instant::now();
     loop {
@@ -180,7 +181,7 @@ fn wait(child: &mut Child, longest: Duration) -> Option<String> {
     }
 }
 
-/// Reads lines on a thread, which ends with them.
+/// Reads lines on a thread, which ends with the output.
 fn lines(output: impl Read + Send + 'static) -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
@@ -194,7 +195,7 @@ fn lines(output: impl Read + Send + 'static) -> Receiver<String> {
     lines
 }
 
-/// Reads a line, of which no more than [`LONGEST_LINE`] bytes; `None` at the end.
+/// Reads at most [`LONGEST_LINE`] bytes of a line; returns `None` at the end.
 fn next_line(output: &mut BufReader<impl Read>) -> Option<String> {
     let mut line = Vec::new();
     match output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
@@ -291,7 +292,7 @@ mod tests {
         }
         let twice =
             "while read line; do echo '{\"speeds_rpm\": [1, 1]}'; echo '{\"speeds_rpm\": [2, 2]}'; sleep 0.1; done";
-        // On a busy computer, the second line may come after the next question and pass for its answer.
+        // On a busy computer, the second line may arrive after the next observation and be taken for its answer.
         assert!(failed(twice, 60).contains("more than one line"));
     }
 
@@ -308,7 +309,7 @@ mod tests {
         let group = Pid::from_child(policy.child.as_ref().unwrap());
         drop(policy);
         assert!(begun.elapsed() < Duration::from_secs(10));
-        // Whoever has become their parent takes a moment.
+        // The processes' new parent takes a moment to reap them.
         while rustix::process::test_kill_process_group(group).is_ok() {
             assert!(begun.elapsed() < Duration::from_secs(10), "somebody is left");
             std::thread::sleep(Duration::from_millis(5));

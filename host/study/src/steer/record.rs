@@ -3,14 +3,14 @@
 use super::SetPoint;
 use biflag_log::schema::biflag::{self, Vector};
 
-/// When a set-point was due, made and in force.
+/// The times when a set-point was due, observed and in force.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Times {
     /// The board's clock when it was due, µs.
     pub due_us: u64,
     /// The board's clock at its observation, µs.
     pub observed_us: u64,
-    /// The board's clock in the first frame in which it was in force, µs; `None` if the next one came first.
+    /// The board's clock in the first frame with the set-point in force, µs; `None` if the next set-point came first.
     pub in_force_us: Option<u64>,
 }
 
@@ -20,7 +20,7 @@ impl Times {
         self.in_force_us.is_none_or(|in_force_us| in_force_us > self.due_us + super::PERIOD_US)
     }
 
-    /// Returns the time from the observation to the set-point in force, s.
+    /// Returns the time from the observation until the set-point is in force, s.
     pub fn latency_s(&self) -> Option<f64> {
         Some((self.in_force_us?.saturating_sub(self.observed_us)) as f64 * 1e-6)
     }

@@ -22,12 +22,13 @@ impl Tally {
         self.latencies_s.extend(times.latency_s());
     }
 
-    /// Counts steps that were left out, because an earlier one was not over yet.
+    /// Counts skipped steps, for which an earlier step was not over yet.
     pub fn skip(&mut self, steps: u64) {
         self.late += steps;
     }
 
-    /// Returns the latency from the observation to the set-point in force, s, that this share of the steps does not exceed.
+    /// Returns the quantile of the latency from an observation until its set-point is in force, s, for this share of
+    /// the steps.
     pub fn latency_s(&self, share: f64) -> Option<f64> {
         let mut sorted = self.latencies_s.clone();
         sorted.sort_by(f64::total_cmp);
@@ -41,13 +42,13 @@ impl Tally {
 pub struct Held {
     /// Mean yaw.
     pub mean_yaw_deg: f64,
-    /// Its 95 % uncertainty; `None` for a model, and where it is unknown.
+    /// Its 95 % uncertainty; `None` for a model, or if it is unknown.
     pub mean_yaw_uncertainty_deg: Option<f64>,
     /// Mean pitch.
     pub mean_pitch_deg: f64,
     /// Its 95 % uncertainty.
     pub mean_pitch_uncertainty_deg: Option<f64>,
-    /// The time of the means.
+    /// Averaging time of the means.
     pub mean_over_s: f64,
     /// Mean yaw of the simulated robot behind an emulated board, without the errors of its sensor.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -58,11 +59,11 @@ pub struct Held {
 }
 
 impl Held {
-    /// Returns the means over the last part of a run, corrected as all angles of a trial are; `None` without an attitude in
-    /// it.
+    /// Returns the means over the last part of a run, corrected like all angles of a trial; `None` without an attitude
+    /// in it.
     pub fn of(data: &Data, zeroed: &Zeroed) -> Option<Self> {
         let run = zeroed.seen_run();
-        // The first half of a short run is the way there.
+        // In a short run, the first half is the approach.
         let over = (run.end - HELD_S).max(0.5 * (run.start + run.end))..run.end;
         let [yaw, pitch, _] = zeroed.angles_deg.tracks();
         let middle_s = 0.5 * (over.start + over.end);

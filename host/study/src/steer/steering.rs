@@ -1,10 +1,10 @@
-//! The loop without its clock: observations in, set-points out.
+//! The control loop without a clock: observations in, set-points out.
 
 use super::{Means, Measured, Observation, Pilot, REACHED_DEG, SteerError, Wanted};
 use protocol::units::CentiRpm;
 use std::time::Duration;
 
-/// The speeds that a pilot gave, and the observation that they were made from.
+/// A pilot's speeds, with the observation that they answer.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SetPoint {
     /// The observation.
@@ -13,7 +13,7 @@ pub struct SetPoint {
     pub speeds: [CentiRpm; 2],
 }
 
-/// A run that is steered.
+/// A steered run.
 #[derive(Debug)]
 pub struct Steering {
     wanted: Wanted,
@@ -23,9 +23,9 @@ pub struct Steering {
     speeds: [CentiRpm; 2],
     /// Time of the last observation.
     last_s: Option<f64>,
-    /// The observation that waits for an answer.
+    /// The unanswered observation.
     asked: Option<Observation>,
-    /// Since when the means have been near what is wanted.
+    /// Time since which the means have been near the target, s.
     near_since_s: Option<f64>,
 }
 
@@ -43,12 +43,12 @@ impl Steering {
         }
     }
 
-    /// Returns what is wanted.
+    /// Returns the target attitude.
     pub fn wanted(&self) -> Wanted {
         self.wanted
     }
 
-    /// Passes on what is measured at a time since the start of the run.
+    /// Passes on the measured state at a time since the start of the run.
     ///
     /// # Errors
     /// Those of a policy.
@@ -69,7 +69,7 @@ impl Steering {
         self.asked.is_some()
     }
 
-    /// Returns the set-point for the last observation; `None` if the pilot does not give it within this time.
+    /// Returns the set-point for the last observation; `None` if the pilot does not answer within this time.
     ///
     /// # Errors
     /// Those of a policy.
@@ -81,8 +81,8 @@ impl Steering {
         Ok(Some(SetPoint { observation, speeds: self.speeds }))
     }
 
-    /// Returns the time from the start of the run from which on the means have been near what is wanted; `None` if they are
-    /// not.
+    /// Returns the time since which the means have been near the target, s from the start of the run; `None` if they
+    /// are not near it.
     pub fn reached_s(&self) -> Option<f64> {
         self.near_since_s
     }

@@ -1,11 +1,11 @@
-//! The values that a key of `[vary]` takes.
+//! The values of a key in `[vary]`.
 
 use super::key::Key;
 
 /// A key and its values.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Axis {
-    /// What varies.
+    /// The key that varies.
     pub key: Key,
     /// Its values.
     pub values: Values,
@@ -23,27 +23,27 @@ pub enum Values {
 /// A range of values.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Range {
-    /// The least value.
+    /// The smallest value.
     pub from: f64,
     /// The largest value.
     pub to: f64,
-    /// Number of values; 0 in a Sobol design, which chooses its own.
+    /// Number of values; 0 in a Sobol design, which chooses its own values.
     pub count: u64,
-    /// How they are spaced.
+    /// Spacing of the values.
     pub scale: Scale,
 }
 
-/// How the values of a range are spaced.
+/// Spacing of the values of a range.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Scale {
-    /// By equal differences.
+    /// Equal differences.
     Linear,
-    /// By equal ratios.
+    /// Equal ratios.
     Log,
 }
 
 impl Values {
-    /// Returns how many there are.
+    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         match self {
             Self::List(values) => values.len() as u64,
@@ -64,7 +64,7 @@ impl Values {
         (0..self.count()).map(|index| self.value(index))
     }
 
-    /// Returns the values that bound the others: those of a list, or the ends of a range.
+    /// Returns values that bound all others: the whole list, or the ends of a range.
     pub fn bounds(&self) -> Vec<f64> {
         match self {
             Self::List(values) => values.clone(),
@@ -74,7 +74,7 @@ impl Values {
 }
 
 impl Range {
-    /// Returns the value at a share, 0 to 1, of the way.
+    /// Returns the value at a fraction of the range, 0 to 1.
     pub fn at(&self, share: f64) -> f64 {
         let Self { from, to, .. } = *self;
         match (share, self.scale) {
@@ -86,8 +86,8 @@ impl Range {
     }
 }
 
-/// Rounds to twelve significant digits. The last digits of a power depend on the system's library, and a point's name must
-/// not.
+/// Rounds to twelve significant digits. The last digits of a power depend on the system's library, but a point's name
+/// must not.
 fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }

@@ -1,7 +1,7 @@
-//! Sorts more items than memory holds into buckets, in one pass over them.
+//! Sorts more items than fit in memory into buckets, in one pass.
 //!
-//! All buckets share a file without a name, which is gone when the program ends in any way. Each collects its items in
-//! memory and appends them to the file in chunks.
+//! All buckets share an unnamed file, which disappears when the program ends in any way. Each bucket collects its items
+//! in memory and appends them to the file in chunks.
 
 use biflag_log::atomic_file::Draft;
 use serde::Serialize;
@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{Error, Read, Result, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Size of a chunk, bytes, about.
+/// Approximate size of a chunk, bytes.
 const CHUNK: usize = 32 * 1024;
 
 /// Longest item, bytes.
@@ -26,9 +26,9 @@ pub struct Buckets {
 
 #[derive(Clone, Default, Debug)]
 struct Bucket {
-    /// Items that are not in the file.
+    /// Items not yet in the file.
     tail: Vec<u8>,
-    /// Places and lengths of the chunks in the file.
+    /// Offsets and lengths of the chunks in the file.
     chunks: Vec<(u64, usize)>,
 }
 
@@ -38,7 +38,7 @@ impl Buckets {
     /// # Errors
     /// The file cannot be written.
     pub fn new(count: usize, folder: &Path) -> Result<Self> {
-        // A draft that is dropped has no name, and its file is there until it is closed.
+        // A dropped draft has no name, but its file exists until it is closed.
         let file = Draft::create(&folder.join("merge"))?.file.try_clone()?;
         Ok(Self { file, end: 0, buckets: vec![Bucket::default(); count] })
     }

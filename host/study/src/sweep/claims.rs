@@ -5,9 +5,9 @@
 //! claims/3-of-64.1.7    block 7 of its points is taken
 //! ```
 //!
-//! A claim is a file that only one program can create, which holds where locks do not. Claims only save work: the worker of
-//! a shard computes in the end what others have claimed and not done, and one that begins again makes new claims. So no
-//! claim is ever removed, and a worker that dies with one costs nothing.
+//! A claim is a file that only one program can create, which works even where locks do not. Claims only save work: a
+//! worker finally computes all blocks of its shard that others have claimed but not finished, and makes new claims
+//! after a restart. So no claim is ever removed, and a dead worker's claim costs nothing.
 
 use super::SweepError;
 use super::point::Shard;
@@ -18,17 +18,17 @@ use std::path::{Path, PathBuf};
 /// Number of blocks of a shard.
 pub const BLOCKS: usize = 32;
 
-/// The claims to one shard, since its worker began.
+/// The claims on one shard, since its worker last started.
 #[derive(Clone, Debug)]
 pub struct Claims {
     folder: PathBuf,
     shard: Shard,
-    /// How often its worker has begun.
+    /// Number of times its worker has started.
     start: u64,
 }
 
 impl Claims {
-    /// Begins the work on a shard.
+    /// Starts the work on a shard.
     ///
     /// # Errors
     /// The folder of a sweep cannot be written.
@@ -42,7 +42,7 @@ impl Claims {
         Ok(claims)
     }
 
-    /// Returns the claims to a shard on which another worker has begun; `None` if none has.
+    /// Returns the claims on a shard that another worker has started; `None` if none has.
     pub fn of_other(&self, index: u64) -> Option<Self> {
         let shard = Shard { index, of: self.shard.of };
         let mut claims = Self { folder: self.folder.clone(), shard, start: 0 };
@@ -52,7 +52,7 @@ impl Claims {
         (claims.start > 0).then_some(claims)
     }
 
-    /// Claims a block; returns whether it was free. No block is free any more once the worker of the shard begins again.
+    /// Claims a block; returns whether it was free. No block is free after the shard's worker has started again.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -68,7 +68,7 @@ impl Claims {
     }
 }
 
-/// Creates a file; returns whether there was none.
+/// Creates a file; returns `false` if it already exists.
 fn create(path: &Path) -> Result<bool, SweepError> {
     match File::create_new(path) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),

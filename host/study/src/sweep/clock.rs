@@ -1,13 +1,13 @@
-//! The time of the computer that stores a folder. The clocks of the computers that share it may differ from it, and from
-//! each other, by any amount.
+//! The time of the computer that stores a folder. The clocks of the computers that share it may differ from this time,
+//! and from each other, by any amount.
 
 use biflag_log::atomic_file::Draft;
 use std::io::{Error, Write};
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Returns the time of the computer that stores a folder, seconds after 1970; of this computer if the folder cannot be
-/// written.
+/// Returns the time of the computer that stores a folder, seconds after 1970, or this computer's time if the folder
+/// cannot be written.
 pub fn now_s(folder: &Path) -> f64 {
     let probe = || {
         let mut draft = Draft::create(&folder.join("clock"))?;

@@ -1,4 +1,4 @@
-//! Computes one point: its steady state, averaged over the starting phases, or the reason of its failure.
+//! Computes one point: its steady state, averaged over the starting phases, or the reason for its failure.
 
 use super::SweepPlan;
 use super::point::{Point, phases};
@@ -29,16 +29,16 @@ pub struct Steady {
 /// The result of a point.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 pub enum Outcome {
-    /// It was computed.
+    /// The point was computed.
     Ok(Box<Steady>),
-    /// It cannot be computed, for this reason.
+    /// The point cannot be computed, for this reason.
     Failed(String),
 }
 
-/// The start of the reason of a panic.
+/// The beginning of the reason after a panic.
 const PANIC: &str = "the solver panicked, which is a fault of the program";
 
-/// Longest reason that is kept, bytes.
+/// Longest stored reason, bytes.
 const LONGEST_REASON: usize = 400;
 
 impl Outcome {
@@ -74,8 +74,8 @@ impl Outcome {
         Self::Failed(reason[..end].replace(['\n', '\r', '\t'], " "))
     }
 
-    /// Computes a point as a plan says, and returns its result with the sweeps of the solver. Returns `None` as soon as
-    /// `goes_on` returns `false`. `at_rest`: inverses that the points of a table share.
+    /// Computes a point of a plan, and returns its result with the number of the solver's sweeps. Returns `None` as
+    /// soon as `goes_on` returns `false`. `at_rest`: inverses shared by the points of a table.
     ///
     /// A panic of the solver is caught, so that other points are still computed; the reason names it.
     pub fn of(

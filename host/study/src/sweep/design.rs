@@ -1,29 +1,29 @@
-//! Designs: how the values of the axes are combined. Each combination is known from its index alone.
+//! Designs combine the values of the axes. Each combination follows from its index alone.
 
 use super::axis::{Axis, Values};
 use super::sobol;
 
-/// The most points of a sweep.
+/// Largest number of points of a sweep.
 pub const MAX_POINTS: u64 = 10_000_000;
 
-/// How the values of the axes are combined.
+/// A way to combine the values of the axes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Design {
-    /// Every value of each axis with every value of all others.
+    /// Every value of each axis with every value of all other axes.
     AllCombinations,
-    /// The robot as it is, and each value of each axis alone.
+    /// The unchanged robot, and each value of each axis alone.
     OneAtATime,
     /// Points of Sobol's sequence within the ranges of the axes.
     Sobol {
-        /// How many.
+        /// Number of points.
         count: u32,
-        /// The seed; other seeds give other points, as evenly spread.
+        /// The seed; other seeds give other points with an equally even spread.
         seed: u64,
     },
 }
 
 impl Design {
-    /// Returns the number of combinations, which may exceed the range of integers.
+    /// Returns the number of combinations. It may exceed the range of integers.
     pub fn count(&self, axes: &[Axis]) -> f64 {
         let counts = axes.iter().map(|axis| axis.values.count() as f64);
         match self {
@@ -51,7 +51,7 @@ impl Design {
                 values
             }
             Self::OneAtATime => {
-                // The first combination is the robot as it is.
+                // The first combination is the unchanged robot.
                 let mut rest = index.checked_sub(1);
                 (axes.iter())
                     .map(|axis| {

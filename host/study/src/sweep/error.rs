@@ -62,7 +62,7 @@ pub enum SweepError {
         /// Parts that are cut off or damaged.
         damaged: Vec<PathBuf>,
     },
-    /// A sweep whose results should be reused has those of another version.
+    /// The results to reuse have another version.
     #[error(
         "{}: has results of version {results} of the model, and this program computes version {RESULTS}", folder.display()
     )]

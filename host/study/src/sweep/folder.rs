@@ -35,18 +35,18 @@ pub struct Folder {
 /// State of a sweep, from its parts.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Counts {
-    /// The points that are done, failed ones too.
+    /// The finished points, including failed ones.
     pub done: Points,
-    /// Those that failed.
+    /// The failed points.
     pub failed: Points,
-    /// What their parts are like.
+    /// State of the parts.
     pub parts: Parts,
 }
 
-/// What was found of the parts themselves when their points were read.
+/// State of the parts, found while reading their points.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Parts {
-    /// Points a second of the workers that are at work; `None` if there are none, or none has finished a point.
+    /// Points per second of the active workers; `None` if there are none, or none has finished a point.
     pub rate: Option<f64>,
     /// Closed parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,
@@ -64,10 +64,10 @@ impl Counts {
 }
 
 impl Folder {
-    /// Opens the folder of a plan, or makes it.
+    /// Opens the folder of a plan, or creates it.
     ///
     /// # Errors
-    /// [`SweepError::Other`] if it has the sweep of another plan, or of another version of the results.
+    /// [`SweepError::Other`] if the folder has the sweep of another plan, or of another version of the results.
     pub fn of_plan(path: &Path, plan: SweepPlan) -> Result<Self, SweepError> {
         let manifest = Manifest {
             results: RESULTS,
@@ -94,7 +94,7 @@ impl Folder {
     /// Calls `with` for every result of this sweep, in no particular order; a point may occur several times.
     ///
     /// # Errors
-    /// A part cannot be read, or that of `with`.
+    /// If a part cannot be read, and the errors of `with`.
     pub fn read(&self, mut with: impl FnMut(&Origin, Record) -> Result<(), SweepError>) -> Result<Parts, SweepError> {
         let mut parts = Parts::default();
         let now_s = now_s(&self.path);

@@ -1,4 +1,4 @@
-//! What a sweep varies: a number of the robot's file, a group, or a speed.
+//! The quantity that a sweep varies: a number in the robot's file, a group, or a speed.
 
 use sim::groups::Groups;
 use sim::params::Robot;
@@ -31,7 +31,7 @@ pub enum Group {
 /// The keys of the speeds in a plan.
 pub const SPEEDS: [&str; 2] = ["speeds.w1_rpm", "speeds.w2_rpm"];
 
-/// Keys that follow from the contour length, and with it from the groups `pitch` and `radius`.
+/// Keys that depend on the contour length, and through it on the groups `pitch` and `radius`.
 const OF_THE_CONTOUR: [&str; 9] = [
     "flagellum.young_pa",
     "flagellum.density_kg_m3",
@@ -127,7 +127,7 @@ pub fn number(robot: &Value, key: &str) -> Option<f64> {
     real(value(robot, key)?)
 }
 
-/// Returns a value that is a number.
+/// Returns a numeric value.
 pub fn real(value: &Value) -> Option<f64> {
     match value {
         Value::Float(number) => Some(*number),
@@ -136,7 +136,7 @@ pub fn real(value: &Value) -> Option<f64> {
     }
 }
 
-/// Sets the number at a dotted key that the robot has. A key for whole numbers takes whole numbers.
+/// Sets the number at an existing dotted key of the robot. An integer key takes whole numbers.
 pub fn set(robot: &mut Value, key: &str, number: f64) {
     let target = key.split('.').try_fold(robot, |value, part| value.get_mut(part));
     match target {
@@ -146,7 +146,7 @@ pub fn set(robot: &mut Value, key: &str, number: f64) {
     }
 }
 
-/// Returns every key with a number, dotted.
+/// Returns every dotted key with a numeric value.
 pub fn numbers(robot: &Value) -> Vec<String> {
     let mut keys = Vec::new();
     for (name, value) in robot.as_table().into_iter().flatten() {
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!((robot.fluid.viscosity_pa_s, robot.solver.sweeps), (0.8, 30));
     }
 
-    /// What a group is said to move is what differs in the robot.
+    /// A group changes exactly the keys that it claims to change.
     #[test]
     fn a_group_moves_what_it_says() {
         let like = Robot {

@@ -1,7 +1,7 @@
-//! The manifest of a sweep's folder: all that its points depend on.
+//! The manifest of a sweep's folder: everything that its points depend on.
 //!
-//! It is written once and never changed. Workers that start together may all write it: they write the same bytes, one of
-//! them gives the file its name, and each reads it back.
+//! It is written once and never changed. Workers that start together may all write it: they write the same bytes, only
+//! one of them names the file, and each reads it back.
 
 use super::SweepError;
 use biflag_log::atomic_file;
@@ -29,10 +29,10 @@ pub fn path(folder: &Path) -> PathBuf {
 }
 
 impl Manifest {
-    /// Makes the folder with this manifest, unless it is there.
+    /// Creates the folder with this manifest, unless it exists.
     ///
     /// # Errors
-    /// [`SweepError::Other`] if the folder has another one.
+    /// [`SweepError::Other`] if the folder has a different manifest.
     pub fn put_into(&self, folder: &Path) -> Result<(), SweepError> {
         std::fs::create_dir_all(folder).map_err(SweepError::at(folder))?;
         let file = path(folder);

@@ -19,27 +19,27 @@ use std::collections::HashMap;
 use std::io::{Error, Write};
 use std::path::PathBuf;
 
-/// Rows of a bucket, about.
+/// Approximate number of rows in a bucket.
 const BUCKET: u64 = 16_384;
 
-/// What becomes of points without a result.
+/// Treatment of points without a result.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Missing {
-    /// They are an error, and no table is written.
+    /// They are an error; no table is written.
     Refused,
     /// The table has no rows for them.
     LeftOut,
 }
 
-/// What was merged.
+/// Result of a merge.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Merged {
     /// Number of rows.
     pub done: u64,
-    /// How many of them are points that failed.
+    /// Number of rows of failed points.
     pub failed: u64,
-    /// Number of points that were computed several times with different results, for instance on processors of
-    /// different types. The table has one of these results, chosen by its bytes.
+    /// Number of points computed several times with different results, for instance on different types of processor.
+    /// The table has one of these results, chosen by its bytes.
     pub different: u64,
     /// Parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,
@@ -49,14 +49,14 @@ pub struct Merged {
 struct Collected {
     buckets: Buckets,
     count: usize,
-    /// The origins that the items of the buckets name.
+    /// The origins to which the items of the buckets refer.
     origins: Vec<Origin>,
     done: Points,
     parts: Parts,
 }
 
 impl Folder {
-    /// Writes the table, and that of the costs.
+    /// Writes the table of results and the table of costs.
     ///
     /// # Errors
     /// [`SweepError::Missing`], a part cannot be read, or a file cannot be written.
@@ -81,7 +81,7 @@ impl Folder {
         Ok(merged)
     }
 
-    /// Returns the table of all points that are done, and what [`Self::merge`] tells of it.
+    /// Returns the table of all finished points, with the same summary as [`Self::merge`].
     ///
     /// # Errors
     /// A part cannot be read.
@@ -155,8 +155,8 @@ fn bucket_of(name: &Name, count: u64) -> usize {
     ((u128::from(name.number()) * u128::from(count)) >> 64) as usize
 }
 
-/// Sorts results, each with the number of its origin, by name and leaves one of each point. Returns how many points had
-/// different results.
+/// Sorts results, each with the number of its origin, by name, and keeps one per point. Returns the number of points
+/// with different results.
 fn sort(records: &mut Vec<(u32, Record)>) -> Result<u64, Error> {
     let mut keyed = Vec::with_capacity(records.len());
     for item in records.drain(..) {

@@ -1,8 +1,8 @@
 //! Sweeps: one table of steady states over speeds, parameters of the robot and groups.
 //!
-//! A [`SweepPlan`] says what varies. Its points are not stored: each is computed from its index ([`Sweep::point`]) and
-//! named by a hash of everything that it depends on. Workers compute shards of the points, chosen by these names, and
-//! append results to parts in a [`Folder`], which are merged into one table, in Parquet and CSV.
+//! A [`SweepPlan`] defines what varies. Its points are not stored: each follows from its index ([`Sweep::point`]) and
+//! is named by a hash of everything that it depends on. Workers compute shards of the points, chosen by these names,
+//! and append results to parts in a [`Folder`], which are merged into one table, in Parquet and CSV.
 //! `host/book/src/sweep.md` describes the columns, and how to run the shards on a cluster.
 
 mod axis;
@@ -52,7 +52,7 @@ pub use table::VARIES;
 
 use std::path::{Path, PathBuf};
 
-/// Returns whether a folder is that of a sweep.
+/// Returns whether a folder contains a sweep.
 pub fn is_folder(path: &Path) -> bool {
     manifest::path(path).is_file()
 }
@@ -67,7 +67,7 @@ pub fn csv_path(folder: &Path) -> PathBuf {
     folder.join("table.csv")
 }
 
-/// Returns the path of the table of what each point cost, as CSV.
+/// Returns the path of the table of each point's cost, as CSV.
 pub fn cost_path(folder: &Path) -> PathBuf {
     folder.join("cost.csv")
 }

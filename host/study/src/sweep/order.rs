@@ -1,5 +1,5 @@
-//! The order in which the points of a shard are computed: the dearest first, so that no worker begins a long one when the
-//! others have ended.
+//! The order in which the points of a shard are computed: the most expensive first, so that no worker starts a long
+//! point when the others have finished.
 
 use super::folder::Folder;
 use super::point::{Shard, phases};
@@ -9,17 +9,17 @@ use rayon::prelude::*;
 use sim::steady::effort;
 
 impl Folder {
-    /// Returns the points of a shard that are not known, the dearest first by the model's own estimate; equally dear ones in
-    /// the order of the plan.
+    /// Returns the unknown points of a shard, the most expensive first by the model's own estimate; equally expensive
+    /// points keep the order of the plan.
     pub fn dearest_first(&self, shard: Shard, known: &Points) -> Vec<u32> {
         let points = self.sweep.points_of(shard, known);
-        // A plan has fewer points than an index of 32 bits.
+        // The number of points fits in 32 bits.
         let mut costs: Vec<(f32, u32)> = points.map(|(index, _)| (self.estimate(index), index as u32)).collect();
         costs.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         costs.into_iter().map(|(_, index)| index).collect()
     }
 
-    /// Returns what a point costs, in no particular unit; 0 for one that is impossible.
+    /// Returns the estimated cost of a point in arbitrary units; 0 for an impossible point.
     fn estimate(&self, index: u64) -> f32 {
         let (point, plan) = (self.sweep.point(index), &self.sweep.plan);
         let Ok(robot) = &point.robot else { return 0.0 };

@@ -6,10 +6,10 @@
 //! ```
 //!
 //! A part begins with [`MAGIC`]; then come frames: length and CRC-32 of the content (4 bytes each, little-endian), and
-//! the content, an [`Entry`] in postcard's format. All times are those of the computer that stores the folder, because the
-//! clocks of workers differ. A frame is written in one call, so a killed worker loses only the
-//! points that it was computing. A frame torn by a crash of the computer or a full disk ends the part. The last frame
-//! of a closed part has the number of its points, so that a part that was cut off during copying is detected.
+//! the content, an [`Entry`] in postcard's format. All times come from the computer that stores the folder, because the
+//! clocks of workers differ. A frame is written in one call, so a killed worker loses only the points that it was
+//! computing. A frame torn by a crash of the computer or a full disk ends the part. The last frame of a closed part has
+//! the number of its points, so a part cut off during copying is detected.
 
 use super::clock::seconds;
 use super::record::{Origin, Record};
@@ -26,10 +26,10 @@ const MAGIC: [u8; 8] = *b"BIFLAGS3";
 /// Longest content of a frame, bytes.
 const LONGEST: usize = 4096;
 
-/// Time after which a worker that writes nothing counts as gone where locks do not tell, s.
+/// Time without a write after which a worker counts as gone if locks give no answer, s.
 const SILENCE_S: f64 = 600.0;
 
-/// Names of parts while they are written, and after.
+/// File extensions of parts while they are written, and afterwards.
 const OPEN: &str = "open";
 const CLOSED: &str = "part";
 
@@ -74,7 +74,7 @@ impl PartWriter {
         Ok(part)
     }
 
-    /// Appends a point that was computed elsewhere.
+    /// Appends a point computed elsewhere.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -132,12 +132,12 @@ pub struct PartReader {
     at_end: bool,
     /// Whether its worker has closed it.
     closed: bool,
-    /// Whether its last frame was read.
+    /// Whether it ends with the right number of points.
     whole: bool,
 }
 
 impl PartReader {
-    /// Opens a part. One of another kind, or cut off in its first bytes, has no points.
+    /// Opens a part. A file of another kind, or one cut off in its first bytes, has no points.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -154,8 +154,8 @@ impl PartReader {
         Ok(reader)
     }
 
-    /// Opens a part that a listing of the folder has. Its worker may have closed it since; `None` if it had no points and
-    /// was removed.
+    /// Opens a part found in a listing of the folder. Its worker may have closed it since; returns `None` if it had no
+    /// points and was removed.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -195,15 +195,16 @@ impl PartReader {
         &self.origin
     }
 
-    /// Returns whether a part that its worker has closed is cut off or damaged, after its last point was read.
+    /// Returns whether a closed part is cut off or damaged. Call it after reading the last point.
     pub fn is_damaged(&self) -> bool {
         self.closed && !self.whole
     }
 
-    /// Returns the points a second of its worker, after its last point was read; `None` if no worker is at work on it.
+    /// Returns the worker's points per second; `None` if no worker is active on the part. Call it after reading the
+    /// last point.
     ///
-    /// `now_s`: the time in the folder, [`super::clock::now_s`]. A lock shows that a worker is at work, but on some file systems only
-    /// on its own computer: elsewhere a worker that has written within the last minutes counts as at work.
+    /// `now_s`: the time in the folder, [`super::clock::now_s`]. A lock shows that a worker is active, but on some file
+    /// systems only on its own computer. On others, a worker that has written within the last minutes counts as active.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -246,7 +247,7 @@ impl PartReader {
     }
 }
 
-/// Fills the buffer; returns `false` if the file ends before.
+/// Fills the buffer; returns `false` if the file ends first.
 fn read_whole(file: &mut impl Read, buffer: &mut [u8]) -> Result<bool> {
     match file.read_exact(buffer) {
         Ok(()) => Ok(true),
@@ -255,7 +256,7 @@ fn read_whole(file: &mut impl Read, buffer: &mut [u8]) -> Result<bool> {
     }
 }
 
-/// Returns the parts in a folder, open ones too. Their order does not matter.
+/// Returns the parts in a folder, including open ones, in no particular order.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -330,7 +331,7 @@ mod tests {
         reader.rate(now_s).unwrap()
     }
 
-    /// The clock of this worker is a day behind that of the folder: nothing follows from it.
+    /// The worker's clock is a day behind the folder's, which has no effect.
     #[test]
     fn only_workers_at_work_have_a_rate() {
         let folder = tempfile::tempdir().unwrap();
@@ -345,7 +346,7 @@ mod tests {
         assert_eq!(rate(&path, now_s), Some(0.5), "locked");
         writer.file.unlock().unwrap();
         assert_eq!(rate(&path, started + 61.0), None, "killed");
-        // On another computer a lock may not tell.
+        // On another computer a lock may not be visible.
         writer.push_from(&Origin { host: "elsewhere".to_owned(), ..Origin::default() }, record(30)).unwrap();
         writer.file.set_modified(at(62.0)).unwrap();
         assert_eq!(rate(&path, started + 63.0), Some(0.5));
@@ -353,7 +354,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "asking the time leaves nothing");
     }
 
-    /// Cut off after any byte, a part has all points before, and a closed one is known to be damaged.
+    /// A part cut off after any byte keeps all points before it, and a closed part is recognised as damaged.
     #[test]
     fn a_torn_part_keeps_the_points_before() {
         let folder = tempfile::tempdir().unwrap();

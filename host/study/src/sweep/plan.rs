@@ -1,7 +1,7 @@
-//! A sweep's plan: the TOML file that says what varies, and how each point is computed.
+//! A sweep's plan: the TOML file that defines what varies, and how each point is computed.
 //!
-//! A plan for trials is a sweep over its speeds. What it says of a trial but its run does not change the steady state, and
-//! has no effect.
+//! A plan for trials is a sweep over its speeds. Of its trial's phases, only the run affects the steady state; the
+//! others have no effect.
 //!
 //! ```
 //! let plan = study::sweep::SweepPlan::parse(
@@ -54,15 +54,15 @@ pub struct SweepPlan {
     pub name: String,
     /// The robot that varies.
     pub robot: RobotFile,
-    /// Duration of a trial, s; with the method `steady`, of the longest simulation if no repeating motion is found.
+    /// Duration of a trial, s; with the method `steady`, the longest simulation if no repeating motion is found.
     pub run_s: f64,
     /// How each point is computed.
     pub method: Method,
-    /// Number of starting phases where they matter.
+    /// Number of starting phases at speeds where they matter.
     pub phases: usize,
-    /// Pairs of speeds at which every robot runs, rpm; empty if the axes have the speeds.
+    /// Pairs of speeds at which every robot runs, rpm; empty if the axes contain the speeds.
     pub speeds_rpm: Vec<[f64; 2]>,
-    /// What varies, in alphabetical order.
+    /// The axes, in alphabetical order.
     pub axes: Vec<Axis>,
     /// How the values of the axes are combined.
     pub design: Design,
@@ -150,7 +150,7 @@ impl SweepPlan {
         Self::parse(&text, &path.display().to_string(), &|name| robot::of_plan(path, name))
     }
 
-    /// Reads a plan from its text; errors call the file `name`. `robot` gives the robot of a name in the plan.
+    /// Reads a plan from its text; errors call the file `name`. `robot` returns the robot for a name in the plan.
     ///
     /// # Errors
     /// [`PlanError`].
@@ -207,7 +207,7 @@ impl SweepPlan {
     }
 }
 
-/// Refuses what would change the steady state of a trial, and is not a part of a sweep.
+/// Refuses settings that would change the steady state of a trial but that a sweep does not support.
 fn check_constant(table: &TrialTable, source: &Source) -> Result<(), PlanError> {
     for (key, value, cure) in [
         ("reverse", &table.reverse, "leave it out: a point has constant speeds"),

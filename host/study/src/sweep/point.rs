@@ -1,5 +1,5 @@
-//! The points of a sweep. Each is computed from its index, and named by a hash of everything that its result depends on:
-//! the same point of another plan has the same name.
+//! The points of a sweep. Each follows from its index, and is named by a hash of everything that its result depends on,
+//! so the same point of another plan has the same name.
 
 use super::SweepPlan;
 use super::key::{self, Group, Key};
@@ -36,9 +36,9 @@ impl fmt::Display for Name {
 /// The part of a sweep's points that one program computes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Shard {
-    /// Which part, from 0.
+    /// Number of this part, from 0.
     pub index: u64,
-    /// How many parts.
+    /// Number of parts.
     pub of: u64,
 }
 
@@ -46,8 +46,8 @@ impl Shard {
     /// All points.
     pub const ALL: Self = Self { index: 0, of: 1 };
 
-    /// Returns the index of the part of `of` parts that a point belongs to. Neighbours in a plan often take equally long;
-    /// selecting by name distributes them over the shards.
+    /// Returns the index, among `of` parts, of the part to which a point belongs. Neighbours in a plan often take
+    /// equally long; selecting by name distributes them over the shards.
     pub fn index_of(name: &Name, of: u64) -> u64 {
         name.number() % of
     }
@@ -58,7 +58,7 @@ impl Shard {
     }
 }
 
-/// A plan with its robot and the version of the results: all that its points depend on.
+/// A plan with its robot and the version of the results: everything that its points depend on.
 #[derive(Clone, Debug)]
 pub struct Sweep {
     /// The plan.
@@ -67,14 +67,14 @@ pub struct Sweep {
     pub results: u32,
     /// The robot that varies, with all its keys.
     robot: Value,
-    /// Hash of all that the points have in common.
+    /// Hash of the inputs common to all points.
     common: Sha256,
 }
 
 /// One point.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Point {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub index: u64,
     /// Its name.
     pub name: Name,
@@ -88,7 +88,7 @@ pub struct Point {
     pub robot: Result<Robot, String>,
 }
 
-/// Returns the number of starting phases at these speeds: those that matter.
+/// Returns the number of starting phases at these speeds: one if the phase does not matter.
 pub fn phases(plan: &SweepPlan, speeds_rpm: [f64; 2]) -> usize {
     if Ratio::of(speeds_rpm).is_some() { plan.phases } else { 1 }
 }
@@ -110,7 +110,7 @@ impl Sweep {
         Ok(Self { plan, results, robot, common })
     }
 
-    /// Returns the name of a point, without the cost of its robot.
+    /// Returns the name of a point, without the cost of building its robot.
     pub fn name(&self, index: u64) -> Name {
         let (speeds_rpm, values) = self.inputs(index);
         let mut hash = self.common.clone();
@@ -132,7 +132,7 @@ impl Sweep {
         Name(name)
     }
 
-    /// Returns the points of a shard that are not known, with their names.
+    /// Returns the unknown points of a shard, with their names.
     pub fn points_of(&self, shard: Shard, known: &Points) -> impl ParallelIterator<Item = (u64, Name)> {
         let points = (0..self.plan.points()).into_par_iter().filter(|index| !known.has(*index));
         points.map(|index| (index, self.name(index))).filter(move |(_, name)| shard.has(name))
@@ -172,7 +172,7 @@ impl Sweep {
         Point { index, name: self.name(index), speeds_rpm, values, multiples, robot }
     }
 
-    /// Returns the speeds of a point (rpm), and what it sets of each axis.
+    /// Returns the speeds of a point (rpm), and its value for each axis, if it sets one.
     fn inputs(&self, index: u64) -> ([f64; 2], Vec<Option<f64>>) {
         let plan = &self.plan;
         let pairs = plan.speeds_rpm.len().max(1) as u64;

@@ -26,7 +26,7 @@ impl Points {
         is_new
     }
 
-    /// Returns how many there are.
+    /// Returns the number of points in the set.
     pub fn count(&self) -> u64 {
         self.count
     }

@@ -1,4 +1,4 @@
-//! Reads tables of steady states: those of sweeps, and others with such columns.
+//! Reads tables of steady states: tables of sweeps, and others with the same columns.
 
 use super::SweepError;
 use crate::export::parquet;
@@ -9,7 +9,7 @@ use std::path::Path;
 /// The column that every table of a sweep has.
 const POINT: &str = "point";
 
-/// Reads the table of a sweep, Parquet or CSV. Of a CSV all numbers are real ones.
+/// Reads the table of a sweep, Parquet or CSV. All numbers from a CSV are real.
 ///
 /// # Errors
 /// [`SweepError::Table`].
@@ -39,8 +39,8 @@ pub fn columns_of(path: &Path) -> Result<Table, String> {
     }
 }
 
-/// Returns the table of a CSV's text. Its comments say the units; a column without a comment holds numbers if all its values
-/// are numbers.
+/// Returns the table in the text of a CSV. Its comments state the units; a column without a comment is numeric if all
+/// its values are numbers.
 ///
 /// # Errors
 /// Why it cannot be read.
@@ -72,7 +72,7 @@ pub fn of_csv(text: &str) -> Result<Table, String> {
     Ok(Table { header: header.into_iter().map(str::to_owned).collect(), columns })
 }
 
-/// Returns the unit and the description that a comment says of a column.
+/// Returns the unit and the description of a column from a comment.
 fn described<'a>(comment: &'a str, name: &str) -> Option<(&'a str, &'a str)> {
     let rest = comment.strip_prefix(name)?;
     match rest.strip_prefix(" [") {
@@ -97,7 +97,7 @@ mod tests {
         let table = Table {
             header: vec!["biflag 1: sweep test".to_owned()],
             columns: vec![
-                // A name that could be a number.
+                // Names that look like numbers.
                 column("point", "", Values::Text(vec!["12e4".to_owned(), "77".to_owned()])),
                 column("yaw_deg", "deg", Values::Exact(vec![0.1 + 0.2, -1e-300])),
                 column("phases", "1", Values::Int(vec![4, 1])),

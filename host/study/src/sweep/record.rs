@@ -9,26 +9,26 @@ use serde::{Deserialize, Serialize};
 /// The result of a point.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 pub struct Record {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub index: u64,
     /// Its name.
     pub name: Name,
     /// Its result.
     pub outcome: Outcome,
-    /// What it cost.
+    /// Its cost.
     pub cost: Cost,
 }
 
-/// What a point cost, which does not belong to its result.
+/// The cost of a point. It is not part of the result.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Cost {
     /// Processor time, s.
     pub processor_s: f64,
-    /// Sweeps of the solver over all starting phases, with those of searches that found nothing; 0 for a failed point.
+    /// Sweeps of the solver over all starting phases, including unsuccessful searches; 0 for a failed point.
     pub sweeps: u64,
 }
 
-/// Where points were computed.
+/// The computer and the program that computed points.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Hash, Debug, Default)]
 pub struct Origin {
     /// Name of the computer.
@@ -38,7 +38,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Returns that of points which are computed here.
+    /// Returns the origin of points computed by this program.
     pub fn here() -> Self {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         Self { host, program: format!("{} {}", program::VERSION, program::GIT_HASH) }

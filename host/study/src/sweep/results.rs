@@ -1,7 +1,7 @@
-//! The version of the model's results: a sweep takes over results of an earlier one if their versions are equal.
+//! The version of the model's results: a sweep reuses the results of an earlier one if their versions are equal.
 //!
-//! Points of different programs are the same if their inputs and this version are. Whoever changes a result increases the
-//! version: the test below asks for it.
+//! Points of different programs are the same if their inputs and this version are the same. A change of any result
+//! requires a new version, which the test below enforces.
 
 /// Version of the model's results.
 pub const RESULTS: u32 = 4;
@@ -27,8 +27,8 @@ mod tests {
         "[session]\nrobot = \"robot-tank\"\n[trial]\nrun = 24\n[speeds]\npairs = [[50, 10]]\n",
     ];
 
-    /// Largest differences between processors, which round differently: degrees, N, N m, shares, m. With contact a run
-    /// amplifies rounding.
+    /// Largest differences between processors, which round differently: degrees, N, N m, shares, m. Contact amplifies
+    /// rounding errors.
     fn tolerance(unit: &str, value: f64, contact: bool) -> f64 {
         let least: f64 = match unit {
             "deg" => 1e-3,
@@ -41,7 +41,7 @@ mod tests {
         if contact { 100.0 * least.max(share) } else { least.max(share) }
     }
 
-    /// Returns a line for each point: its speeds, kind and values, or the reason of its failure.
+    /// Returns a line for each point: its speeds, kind and values, or the reason for its failure.
     fn results() -> Vec<String> {
         let mut lines = Vec::new();
         for text in PLANS {

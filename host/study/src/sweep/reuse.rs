@@ -1,4 +1,4 @@
-//! Takes over results of another sweep: those of the points that both have, wherever they are in its plan.
+//! Reuses results of another sweep for the points common to both, wherever they are in its plan.
 
 use super::folder::{Counts, Folder};
 use super::manifest::Manifest;
@@ -10,12 +10,13 @@ use rayon::prelude::*;
 use std::path::Path;
 
 impl Folder {
-    /// Copies the results of a shard that are not counted and that another sweep's folder has into a part, and counts them.
+    /// Copies the missing results of a shard from another sweep's folder into a part, and counts them.
     ///
-    /// Points whose solver panicked are not copied: that was a fault of the program.
+    /// Does not copy points whose solver panicked, because a panic is a fault of the program.
     ///
     /// # Errors
-    /// [`SweepError::NotASweep`], [`SweepError::Results`], a part cannot be read, or the new one cannot be written.
+    /// [`SweepError::NotASweep`], [`SweepError::Results`], or if a part cannot be read or the new one cannot be
+    /// written.
     pub fn reuse(&self, from: &Path, shard: Shard, counts: &mut Counts) -> Result<(), SweepError> {
         let results = Manifest::read(from)?.results;
         if results != RESULTS {
@@ -44,10 +45,10 @@ impl Folder {
         part.close().map_err(SweepError::at(&self.path))
     }
 
-    /// Returns the points of a shard that are not done, with the numbers of their names, in the order of these.
+    /// Returns the missing points of a shard with the numbers of their names, sorted by these numbers.
     fn by_number(&self, shard: Shard, done: &Points) -> Vec<(u64, u32)> {
         let missing = self.sweep.points_of(shard, done);
-        // A plan has fewer points than an index of 32 bits.
+        // The number of points fits in 32 bits.
         let mut numbers: Vec<(u64, u32)> = missing.map(|(index, name)| (name.number(), index as u32)).collect();
         numbers.par_sort_unstable();
         numbers

@@ -5,9 +5,9 @@ use std::path::Path;
 
 /// Returns a shell script that submits a job array over the shards and, after it, the merge.
 ///
-/// All paths are absolute, and seen by all nodes. They stand in the jobs themselves: many centres give a job none of the
-/// variables of its submission (`SBATCH_EXPORT=NONE`). The script asks the cluster for its `MaxArraySize`: where there are
-/// more shards than that, a job of the array computes several, one after the other.
+/// All paths are absolute, and visible on all nodes. They are written into the jobs themselves, because many centres do
+/// not pass the submission's variables to a job (`SBATCH_EXPORT=NONE`). The script asks the cluster for its
+/// `MaxArraySize`. If there are more shards, each job of the array computes several, one after the other.
 pub fn script(program: &Path, plan: &Path, folder: &Path, shards: u64, name: &str) -> String {
     let [program, plan, folder] = [program, plan, folder].map(|path| quoted(&path.to_string_lossy()));
     let name = quoted(name);
@@ -70,8 +70,8 @@ mod tests {
     use super::*;
     use std::process::Command;
 
-    /// Runs the script with commands in place of those of Slurm. `sbatch` starts each job without any variable but its own,
-    /// as with `SBATCH_EXPORT=NONE`; six shards are two jobs of an array that may have three numbers.
+    /// Runs the script with stand-ins for Slurm's commands. `sbatch` starts each job with only its own variables, as
+    /// with `SBATCH_EXPORT=NONE`; six shards become two jobs, because the array allows three numbers.
     #[test]
     fn jobs_need_nothing_from_the_submission() {
         let folder = tempfile::tempdir().unwrap();
@@ -92,7 +92,7 @@ mod tests {
                  echo \"$task ended with $?\" >> '{at}/said'\ndone\necho '17;cluster'\n"
             ),
         );
-        // A table with failed points: neither job has failed.
+        // The table has failed points, but neither job has failed.
         let program = write("it's biflag", &format!("echo \"$*\" >> '{at}/said'\nexit 3\n"));
         let (plan, out) = (folder.path().join("my plan.toml"), folder.path().join("$out"));
         let script = write("sweep.sh", &script(&program, &plan, &out, 6, "a name"));

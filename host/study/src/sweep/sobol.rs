@@ -1,4 +1,4 @@
-//! Sobol's sequence: points that fill a box evenly, each computed from its index.
+//! Sobol's sequence: evenly distributed points in a box, each computed from its index.
 //!
 //! Direction numbers: Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635 (`new-joe-kuo-6`), in the order of the Gray code
 //! (Antonov and Saleev 1979). A seed shifts all points by exclusive or, which keeps their even distribution.
@@ -31,8 +31,8 @@ const POLYNOMIALS: [(u32, u32, &[u32]); DIMENSIONS - 1] = [
     (7, 1, &[1, 3, 7, 11, 23, 15, 103]),
 ];
 
-/// Returns coordinate `dimension`, below [`DIMENSIONS`], of the point `index`: in the middle of one of 2^32 cells between 0
-/// and 1.
+/// Returns coordinate `dimension`, below [`DIMENSIONS`], of the point `index`: the middle of one of 2^32 cells between
+/// 0 and 1.
 pub fn coordinate(index: u32, dimension: usize, seed: u64) -> f64 {
     let gray = index ^ (index >> 1);
     let directions = directions(dimension);
@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    /// Of 2^k points one falls into each of 2^k intervals of every coordinate, whatever the seed.
+    /// With any seed, 2^k points fall one into each of 2^k intervals of every coordinate.
     #[test]
     fn every_coordinate_is_even() {
         for (dimension, seed) in (0..DIMENSIONS).flat_map(|dimension| [(dimension, 0), (dimension, 7), (dimension, 8)])

@@ -1,4 +1,4 @@
-//! The progress of a sweep: of each shard, and why points failed.
+//! The progress of a sweep: its shards, and the reasons for failed points.
 
 use super::SweepError;
 use super::folder::{Counts, Folder};
@@ -11,20 +11,20 @@ use std::collections::BTreeMap;
 pub struct ShardCounts {
     /// Number of its points.
     pub points: u64,
-    /// How many are done, failed ones too.
+    /// Number of finished points, including failed ones.
     pub done: u64,
-    /// How many of these failed.
+    /// Number of failed points.
     pub failed: u64,
 }
 
-/// Why points failed.
+/// A reason for failed points.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Reason {
-    /// How many points failed for this reason, whatever numbers are in it.
+    /// Number of points that failed for this reason, ignoring the numbers in its text.
     pub points: u64,
-    /// One of them: its place in the plan.
+    /// The first of them: its index in the plan.
     pub index: u64,
-    /// Its reason.
+    /// Its own reason.
     pub text: String,
 }
 
@@ -66,7 +66,7 @@ impl Folder {
     }
 }
 
-/// Returns a reason with a mark in place of each number.
+/// Returns a reason with a placeholder for each number.
 fn without_numbers(reason: &str) -> String {
     let is_number = |word: &str| word.trim_matches([',', ':', ';', '(', ')']).parse::<f64>().is_ok();
     let words = reason.split(' ').map(|word| if is_number(word) { "#" } else { word });

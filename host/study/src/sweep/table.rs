@@ -1,4 +1,4 @@
-//! The tables of a sweep: one row a point.
+//! The tables of a sweep, with one row per point.
 
 use super::compute::{Outcome, Steady};
 use super::key::{Group, Key};
@@ -11,7 +11,7 @@ use sim::params::Robot;
 use sim::steady::quantities::{QUANTITIES, STANDARD_ERRORS};
 use std::borrow::Cow;
 
-/// The description of the columns of the keys that vary.
+/// The description of the columns of varying keys.
 pub const VARIES: &str = "key of the robot's file, which varies";
 
 /// A row.
@@ -27,7 +27,7 @@ struct Row {
     outcome: Outcome,
 }
 
-/// A column of real numbers: name, unit, description, and value; a value that is not there is NaN.
+/// A column of real numbers: name, unit, description, and value; a missing value is NaN.
 type Real<T> = (&'static str, &'static str, &'static str, fn(&T) -> f64);
 
 const GROUPS: [Real<Row>; 8] = [
@@ -70,7 +70,7 @@ const SPREADS: [(&str, &str, &str); 4] = [
 ];
 
 impl Row {
-    /// The robot itself is not kept: it is larger than the row.
+    /// Does not keep the robot itself, which is larger than the row.
     fn new(point: Point, outcome: Outcome) -> Self {
         let robot = point.robot.as_ref();
         let groups = robot.map(Groups::of).map(|groups| Group::ALL.map(|group| group.of(&groups)));
@@ -146,7 +146,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     Table { header, columns }
 }
 
-/// Returns the table of what these results cost, each with the number of its origin.
+/// Returns the table of the costs of these results, each with the number of its origin.
 pub fn cost_table(records: &[(u32, Record)], origins: &[Origin]) -> Table {
     let text = |name: &'static str, about, value: &dyn Fn(&Record, &Origin) -> String| {
         let cells = records.iter().map(|(origin, record)| value(record, &origins[*origin as usize]));

@@ -1,4 +1,4 @@
-//! `[vary]` of a sweep's plan: which keys take which values, and how these are combined.
+//! `[vary]` of a sweep's plan: the keys, their values, and the way to combine them.
 
 use super::axis::{Axis, Range, Scale, Values};
 use super::design::{Design, MAX_POINTS};
@@ -20,7 +20,7 @@ pub(super) const VALUES: &str =
 /// The forms of a design.
 pub(super) const DESIGN: &str = "give \"all combinations\", \"one at a time\" or { sobol = 10000, seed = 7 }";
 
-/// A value of `[vary]` with its name and its place.
+/// A value of `[vary]` with its name and its span.
 struct Entry<'a> {
     name: String,
     value: &'a Value,
@@ -151,7 +151,7 @@ fn axis(
     Ok(Axis { key, values })
 }
 
-/// Returns the value of a key in the unchanged robot: of a group as a multiple; NaN for a speed.
+/// Returns the value of a key in the unchanged robot: for a group, as a multiple; for a speed, NaN.
 fn own_value(key: &Key, robot: &Robot, robot_value: &Value) -> f64 {
     match key {
         Key::Robot(name) => key::number(robot_value, name).unwrap_or(f64::NAN),
@@ -160,7 +160,7 @@ fn own_value(key: &Key, robot: &Robot, robot_value: &Value) -> f64 {
     }
 }
 
-/// Describes a key that a sweep does not know, and what to write instead.
+/// Describes an unknown key, and the correction.
 fn unknown(name: &str, robot: &Value) -> (String, String) {
     if let Some(value) = key::value(robot, name).filter(|value| !value.is_table()) {
         let what = format!("{name} is not a number but {value}");

@@ -1,5 +1,5 @@
-//! A worker: computes the points of a shard on several threads, then helps with other shards, and appends all results to
-//! a part of its own.
+//! A worker computes the points of a shard on several threads, then helps with other shards, and appends all results to
+//! its own part.
 
 use super::SweepError;
 use super::claims::{BLOCKS, Claims};
@@ -19,27 +19,27 @@ use std::sync::{Mutex, PoisonError};
 struct Work<'a> {
     folder: &'a Folder,
     shard: Shard,
-    /// Points that need no work, or are handed out.
+    /// Points that are done or already handed out.
     known: Points,
-    /// Claims to the own shard; `None` where the shard is all points, and nobody else can help.
+    /// Claims on its own shard; `None` if the shard contains all points, so that no other worker can help.
     claims: Option<Claims>,
     stage: Stage,
     /// Points of the block that is being handed out.
     block: std::vec::IntoIter<u32>,
 }
 
-/// What a worker does next.
+/// The next step of a worker.
 enum Stage {
-    /// It begins a shard: its own, or the one at this distance behind it.
+    /// Start a shard: its own, or the one at this distance after it.
     Begin(u64),
-    /// It takes the blocks of a shard from this one on.
+    /// Take the blocks of a shard, starting with this one.
     Blocks {
         behind: u64,
         claims: Option<Claims>,
         order: Vec<u32>,
         block: usize,
     },
-    /// It computes what others have claimed of its own shard and not done.
+    /// Compute the points of its own shard that others have claimed but not finished.
     Rest,
     Ended,
 }
@@ -91,7 +91,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Begins with the own shard or another one, if its worker has begun, too.
+    /// Starts its own shard, or another one if that shard's worker has started, too.
     fn begin(&mut self, behind: u64) -> Result<(), SweepError> {
         if behind == 0 {
             if self.shard != Shard::ALL {
@@ -118,12 +118,12 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// Returns all points of a shard, known ones too: every worker finds the same ones in a block.
+    /// Returns all points of a shard, known ones too, so that a block is the same for every worker.
     fn order(&self, shard: Shard) -> Vec<u32> {
         self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()))
     }
 
-    /// Adds the points that are done by now.
+    /// Adds the points finished meanwhile.
     fn look_again(&mut self) -> Result<(), SweepError> {
         self.folder.read(|_, record| {
             self.known.add(record.index);
@@ -143,14 +143,14 @@ impl Folder {
         self.sweep.points_of(shard, &Points::none(points)).count() as u64
     }
 
-    /// Returns whether a shard has points that are not known.
+    /// Returns whether a shard has unknown points.
     fn lacks(&self, shard: Shard, known: &Points) -> bool {
         self.sweep.points_of(shard, known).any(|_| true)
     }
 
-    /// Computes the points of a shard that are not done, then some of other shards whose workers have begun and not ended,
-    /// and calls `each` with every result. When it returns, the shard is done, by this worker and others. When
-    /// `interrupted` is set, ends early with all finished results in its part.
+    /// Computes the missing points of a shard, then helps with shards of other active workers, and calls `each` with
+    /// every result. When it returns, the shard is complete. If `interrupted` is set, it ends early with all finished
+    /// results in its part.
     ///
     /// # Errors
     /// The part cannot be written.
@@ -203,7 +203,7 @@ impl Folder {
     }
 }
 
-/// Rounds to microseconds: the rest would be noise that fills a table.
+/// Rounds to microseconds; more digits would be noise in the table.
 fn micros(seconds: f64) -> f64 {
     (1e6 * seconds).round() / 1e6
 }
@@ -214,7 +214,7 @@ mod tests {
     use crate::plan::RobotFile;
     use crate::sweep::SweepPlan;
 
-    /// 300 points that are impossible, and therefore cheap.
+    /// Creates a sweep of 300 impossible, and therefore cheap, points.
     fn folder(path: &std::path::Path) -> Folder {
         let text = "[vary]\n\"group.spacing\" = { from = 0.1, to = 0.4, count = 300 }\n[speeds]\npairs = [[50, 10]]";
         let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(RobotFile::built_in(name))).unwrap();
@@ -231,8 +231,8 @@ mod tests {
         computed.into_inner()
     }
 
-    /// The worker of the first shard dies in its first block. The other one does the rest of it, and nobody computes a point
-    /// twice.
+    /// The worker of the first shard dies in its first block. The other worker computes the rest, and no point is
+    /// computed twice.
     #[test]
     fn idle_workers_help_and_a_dead_one_costs_its_block() {
         let path = tempfile::tempdir().unwrap();
@@ -254,7 +254,7 @@ mod tests {
         assert_eq!(records, 300);
     }
 
-    /// A shard that nobody has begun may be computed in another folder.
+    /// A shard that no worker has started may be computed in another folder.
     #[test]
     fn shards_that_nobody_has_begun_are_left_alone() {
         let path = tempfile::tempdir().unwrap();
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!(folder.counts(Shard::ALL).unwrap().done.count(), folder.points(shard));
     }
 
-    /// A helper that has claimed a block and not done it is not waited for.
+    /// A worker does not wait for a helper with an unfinished block.
     #[test]
     fn a_shard_is_done_when_its_worker_ends() {
         let path = tempfile::tempdir().unwrap();

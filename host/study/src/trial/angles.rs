@@ -1,4 +1,4 @@
-//! The steady angles of a trial, as every command states them.
+//! The steady angles of a trial. Every command uses them.
 
 use super::budget::{AngleTerm, Budget};
 use crate::text::decimal;
@@ -18,20 +18,20 @@ pub struct Steady {
     pub tilt: Option<[Budget; 3]>,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
-    /// The time over which the angles are averaged: see [`sim::trial::means`].
+    /// The averaging window of the angles: see [`sim::trial::means`].
     pub window: Range<f64>,
     /// Whether yaw and pitch had settled.
     pub settled: bool,
-    /// When they had, s from the start of the run; not known where the model has solved for the steady state.
+    /// Settling time, s from the start of the run; `None` if not settled, or if the model solved for the steady state.
     pub settle_s: Option<f64>,
 }
 
-/// The steady angles of a trial, as stated by every command.
+/// The steady angles of a trial, as every command reports them.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct Angles {
     /// Steady yaw relative to the rest before the run, corrected for drift.
     pub yaw_deg: f64,
-    /// 95 % uncertainty of the yaw by its [`Budget`]; `None` for a model, and where it is unknown.
+    /// 95 % uncertainty of the yaw from its [`Budget`]; `None` for a model, or if it is unknown.
     pub yaw_uncertainty_deg: Option<f64>,
     /// Steady pitch.
     pub pitch_deg: f64,
@@ -43,11 +43,11 @@ pub struct Angles {
     pub roll_uncertainty_deg: Option<f64>,
     /// Steady tilt: the angle between the robot's axis and the vertical.
     pub tilt_deg: f64,
-    /// Its 95 % uncertainty, to first order: a tilt that is smaller cannot be told from none.
+    /// Its 95 % uncertainty, to first order: a smaller tilt cannot be distinguished from zero.
     pub tilt_uncertainty_deg: Option<f64>,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
-    /// Duration for which the robot was still after the run; `None` for a model.
+    /// Duration of the still phase after the run; `None` for a model.
     pub still_after_s: Option<f64>,
     /// Time over which the angles are averaged.
     pub steady_s: f64,
@@ -55,7 +55,7 @@ pub struct Angles {
     pub settled: bool,
     /// Angle turned about each body axis over the whole trial.
     pub turned_deg: [f64; 3],
-    /// The causes of the uncertainties; empty for a model, and where they are unknown.
+    /// The causes of the uncertainties; empty for a model, or if they are unknown.
     #[serde(skip)]
     pub budget: Vec<AngleTerm>,
 }
@@ -96,7 +96,7 @@ impl Angles {
     }
 }
 
-/// Yaw, pitch and roll, each with its uncertainty where it is known.
+/// Yaw, pitch and roll, each with its uncertainty if it is known.
 impl fmt::Display for Angles {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, (name, angle, uncertainty)) in self.named().into_iter().enumerate() {

@@ -1,15 +1,15 @@
-//! Whether gyroscope and accelerometer have the same axes.
+//! Checks whether gyroscope and accelerometer have the same axes.
 //!
 //! The board's filter adds the gyroscope's rates, and turns the attitude towards the vertical of the accelerometer. If
-//! both have the same axes, these corrections are small: they only remove a bias. If they have not, the corrections
-//! undo what the gyroscope says of every tilt. Their sum is the turn about the body's x and y by the gyroscope, less
-//! that of the attitude.
+//! both have the same axes, these corrections are small: they only remove a bias. Otherwise the corrections undo every
+//! tilt that the gyroscope reports. Their sum is the gyroscope's rotation about the body's x and y, minus the
+//! attitude's.
 
 use super::data::Data;
 use crate::attitude::rotation;
 use std::ops::Range;
 
-/// Part of the run that is looked at, s: in it the robot tilts.
+/// Checked part of the run, s, in which the robot tilts.
 const SEEN_S: f64 = 10.0;
 
 /// Part of the rest that shows the bias of the rates, s.
@@ -18,7 +18,7 @@ const REST_S: f64 = 5.0;
 /// Correction that noise, a bias of 0.1 °/s and an offset of the accelerometer may cause, degrees.
 const ALLOWED_DEG: f64 = 2.0;
 
-/// Correction as a share of the path of the gyroscope that a scale error and a wobble may cause.
+/// Correction that a scale error and a wobble may cause, as a share of the gyroscope's path.
 const ALLOWED_SHARE: f64 = 0.15;
 
 /// The sums over a time.
@@ -33,8 +33,8 @@ struct Sums {
     passed_s: f64,
 }
 
-/// Returns the largest correction of the tilt in the first seconds of the run and what is allowed, degrees, if it is
-/// more. It does not judge a trial without rates, or with a bias that no rest shows.
+/// Returns the largest correction of the tilt in the first seconds of the run and its limit, degrees, if it is
+/// exceeded. Trials without rates, or without a rest that shows the bias, are not judged.
 pub(super) fn contradiction(data: &Data) -> Option<[f64; 2]> {
     let run = &data.times.run;
     let rest = sums(data, run.start - REST_S..run.start)?.last().copied()?;
@@ -46,7 +46,7 @@ pub(super) fn contradiction(data: &Data) -> Option<[f64; 2]> {
     let seen = sums(data, run.start..run.end.min(run.start + SEEN_S))?;
     let found = seen.iter().map(|sums| {
         let [x, y] = [0, 1].map(|k| sums.correction_deg[k] - bias_dps[k] * sums.passed_s);
-        // The offset of the accelerometer turns with the body.
+        // The accelerometer's offset turns with the body.
         let of_offset = tilt_deg * sums.turn_deg.to_radians().abs();
         [x.hypot(y), ALLOWED_DEG + ALLOWED_SHARE * sums.path_deg + of_offset]
     });

@@ -1,9 +1,9 @@
-//! Whether the yaw comes back to its zero after a run.
+//! Checks whether the yaw comes back to its zero after a run.
 //!
-//! The zero is where the robot hangs at rest, and the tether brings it back there. What is left after the run is a part of
-//! the yaw in it, the smaller the longer the decay. More shows that the zero has moved since the rest before the run, that
-//! the sensor has turned on the robot, or that the gyroscope has another bias: the yaw is then wrong by about as much, and no
-//! budget of the sensor contains it.
+//! The zero is where the robot hangs at rest, and the tether brings it back there. After the run, a part of the run's
+//! yaw remains, which shrinks during the decay. A larger remainder shows that the zero has moved since the rest before
+//! the run, that the sensor has turned on the robot, or that the gyroscope's bias has changed. The yaw is then wrong by
+//! about as much, and the sensor's budget does not contain this error.
 
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
@@ -11,20 +11,20 @@ use crate::attitude::Track;
 use protocol::units::CentiRpm;
 use std::ops::Range;
 
-/// Time in which the motors stop and soft flagella spring back, which turns the robot by a part of the yaw, s.
+/// Time in which the motors stop and soft flagella spring back, s. This turns the robot by a part of the yaw.
 const SPRINGS_BACK_S: f64 = 4.0;
 
-/// Time over which the yaw is averaged at the end, s.
+/// Averaging time of the yaw at the end, s.
 const LAST_S: f64 = 1.0;
 
-/// Largest time constant of the return, relative to that of the robot's file.
+/// Largest time constant of the return, relative to the robot file's.
 const SLOWER: f64 = 2.0;
 
-/// Assumed: how far from the zero joint and tether may stop, degrees.
+/// Assumed largest distance from the zero at rest, due to joint and tether, degrees.
 const ALLOWED_DEG: f64 = 5.0;
 
-/// Returns a finding if the yaw is not where a return to rest leaves it. `stated_deg`: the 95 % uncertainty of the yaw at the
-/// end of the log.
+/// Returns a finding if the final yaw does not fit a return to rest. `stated_deg`: the 95 % uncertainty of the yaw at
+/// the end of the log.
 pub(super) fn finding(data: &Data, yaw: Track, stated_deg: f64, time_constant_s: f64) -> Option<Finding> {
     let after = data.times.decay.start..data.times.decay.end.min(yaw.span().end);
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
@@ -40,8 +40,8 @@ pub(super) fn finding(data: &Data, yaw: Track, stated_deg: f64, time_constant_s:
     Some(Finding::grave(FindingKind::Rest, text, cure))
 }
 
-/// Returns the yaw at the end of the phase after the run, and the nearest that a return to rest may leave, degrees, if the
-/// yaw is beyond it.
+/// Returns the yaw at the end of the phase after the run, and the nearest value possible after a return to rest,
+/// degrees, if the two differ.
 fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
     let sprung_s = after.start + SPRINGS_BACK_S;
     if after.end - LAST_S < sprung_s {
@@ -60,7 +60,8 @@ mod tests {
     use super::*;
     use crate::attitude::Columns;
 
-    /// Returns what is missed after a run that ends at a yaw, if the robot returns with this time constant to a rest.
+    /// Returns the result of [`missed`] after a run that ends at a yaw, for a robot that returns to a rest with this
+    /// time constant.
     fn after(run_deg: f64, time_constant_s: f64, rest_deg: f64, length_s: f64) -> Option<[f64; 2]> {
         let mut yaw = Columns::<1>::default();
         for time_s in (0..=(100.0 * length_s) as u32).map(|i| f64::from(i) * 0.01) {
@@ -76,7 +77,7 @@ mod tests {
         {
             assert_eq!(after(run_deg, time_constant_s, rest_deg, length_s), None, "{run_deg} {time_constant_s}");
         }
-        // Too short to tell.
+        // Too short to judge.
         assert_eq!(after(-67.0, 10.8, 90.0, 4.5), None);
         for (run_deg, rest_deg, nearest_deg) in [(7.0, 19.0, 10.2), (-67.0, 20.0, 7.0), (-30.0, -60.0, -18.8)] {
             let [end_deg, nearest] = after(run_deg, 10.8, rest_deg, 30.0).unwrap();

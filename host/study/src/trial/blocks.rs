@@ -3,11 +3,11 @@
 use crate::attitude::Track;
 use std::ops::Range;
 
-/// Length of the blocks in which a tilt at rest may not change, and of those of which the noise over time is given, s.
+/// Length of the blocks in which a tilt at rest may not change, and of the blocks for the noise over time, s.
 pub const BLOCK_S: f64 = 2.0;
 
 /// The zero of the tilt is its mean over this duration at the end of the still phase, but at most over its second half,
-/// s: earlier the robot may still swing, and the filter settles after the gyroscope's calibration.
+/// s: earlier the robot may still swing, and the filter may still settle after the gyroscope's calibration.
 const TILT_ZERO_S: f64 = 10.0;
 
 /// Returns the mean of each block of a range, counted from its end.

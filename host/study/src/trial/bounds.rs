@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Phases of a trial, seconds of its clock. A phase that the trial did not reach is empty.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Times {
-    /// At rest before the run.
+    /// The rest before the run.
     pub preroll: Range<f64>,
     /// The motors turn.
     pub run: Range<f64>,
@@ -33,7 +33,7 @@ pub(super) struct Marks<'a> {
     /// When the motors got their target speeds.
     pub ordered_s: Option<f64>,
     pub fault: Option<&'a (f64, String)>,
-    /// The plan of the trial, for phases whose events are lost.
+    /// The plan of the trial, for phases with lost events.
     pub trial: Option<&'a TrialMeta>,
     pub is_model: bool,
     pub summary: Option<&'a Summary>,
@@ -42,7 +42,7 @@ pub(super) struct Marks<'a> {
 }
 
 /// Returns the phases. On a rig, the run begins when the motors get their target speeds, shortly after the start of the
-/// phase, and ends with the first fault. Where the event of a phase is lost, the planned times are used. Reasons for a
+/// phase, and ends with the first fault. If the event of a phase is lost, the planned times are used. Reasons for a
 /// shortened run are added to `warnings`.
 pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
     let end_s = marks.end_s;
@@ -68,7 +68,7 @@ pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
         (None, None) => return Times::default(),
     };
     let later = |name: &str| at(name).map(start).filter(|start| *start >= run_start);
-    // Without the event of the decay, the end of the trial is not that of the run.
+    // Without the event of the decay, the end of the trial is not the end of the run.
     let planned_end = marks.trial.filter(|trial| trial.decay_s > 0.0).map(|trial| run_start + trial.run_s);
     let after = later("decay").or_else(|| later("end").map(|end| planned_end.map_or(end, |run| run.min(end))));
     // A model's run lasts longer than its samples.
@@ -101,7 +101,7 @@ pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
 mod tests {
     use super::*;
 
-    /// Returns the phases of a complete trial of the rig of which one event is lost.
+    /// Returns the phases of a complete trial of the rig with one lost event.
     fn without(lost: &str) -> (Times, Vec<String>) {
         let trial = TrialMeta { calibrate_s: 5.0, preroll_s: 20.0, run_s: 60.0, decay_s: 30.0, ..TrialMeta::default() };
         let all = [("calibrate", 0.0), ("preroll", 5.02), ("run", 25.04), ("decay", 85.06), ("end", 115.08)];
@@ -123,7 +123,7 @@ mod tests {
         (times(&marks, &mut warnings), warnings)
     }
 
-    /// A model's run is found without any event of its start, and lasts to its end, after the last sample.
+    /// A model's run is found without the event of its start, and lasts beyond the last sample to its planned end.
     #[test]
     fn run_of_a_model_has_its_planned_start_and_its_whole_length() {
         let trial = TrialMeta { run_s: 6.9, ..TrialMeta::default() };

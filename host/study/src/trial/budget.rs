@@ -1,4 +1,4 @@
-//! The uncertainty of an angle as the sum of its causes (JCGM 100:2008, the GUM): the only source of a ±.
+//! The uncertainty of an angle as the sum of its causes (JCGM 100:2008, the GUM). Every stated ± comes from here.
 
 use crate::attitude::student_95;
 use serde::Serialize;
@@ -12,13 +12,13 @@ pub enum Evaluation {
     B,
 }
 
-/// Which values have the same error.
+/// The values that share this error.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "snake_case")]
 pub enum CommonTo {
-    /// Those of one trial.
+    /// All values of one trial.
     Trial,
-    /// Those of one sensor.
+    /// All values measured with one sensor.
     Sensor,
 }
 
@@ -30,13 +30,13 @@ pub struct Term {
     /// How it was evaluated.
     #[serde(rename = "type")]
     pub evaluation: Evaluation,
-    /// Standard uncertainty that it gives the angle, degrees.
+    /// Its contribution to the standard uncertainty of the angle, degrees.
     pub u_deg: f64,
-    /// Degrees of the angle per unit of the cause, where it is a quantity of its own.
+    /// Degrees of the angle per unit of the cause, if the cause is a measurable quantity.
     pub sensitivity: Option<f64>,
     /// Share of the variance of the angle.
     pub share: f64,
-    /// Which values have the same error.
+    /// The values that share this error.
     pub common_to: CommonTo,
     /// Degrees of freedom; infinite for type B.
     #[serde(skip)]
@@ -54,7 +54,7 @@ pub struct AngleTerm {
 }
 
 impl AngleTerm {
-    /// Returns the cause of an angle.
+    /// Returns a cause of an angle's uncertainty.
     pub(crate) fn new(angle: &'static str, term: &Term) -> Self {
         Self { angle, term: term.clone() }
     }
@@ -93,7 +93,7 @@ impl Budget {
         common.map(|term| term.u_deg.powi(2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
-    /// Returns the causes that other trials of the sensor do not have.
+    /// Returns the causes that belong to this trial alone.
     #[must_use]
     pub fn of_trial(&self) -> Self {
         Self::new(self.terms.iter().filter(|term| term.common_to == CommonTo::Trial).cloned())
@@ -112,7 +112,7 @@ impl Budget {
 }
 
 impl Term {
-    /// Returns a cause that is estimated from the readings of the trial.
+    /// Returns a cause estimated from the readings of the trial.
     pub fn of_trial(name: &'static str, u_deg: f64, degrees_of_freedom: f64) -> Self {
         Self {
             name,
@@ -125,7 +125,7 @@ impl Term {
         }
     }
 
-    /// Returns a cause in the sensor: `of` holds the sensitivity to each error and the error's standard uncertainty.
+    /// Returns a cause in the sensor: `of` yields the sensitivity to each error and the error's standard uncertainty.
     pub fn of_sensor(name: &'static str, of: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         Self {
             name,
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn interval_has_the_effective_degrees_of_freedom() {
-        // Two equal terms, one of 4 degrees of freedom: Welch and Satterthwaite give 16.
+        // Two equal terms, one with 4 degrees of freedom: Welch and Satterthwaite give 16.
         let budget = Budget::new([
             Term::of_trial("noise", 0.3, 4.0),
             Term::of_sensor("scale", [(10.0, 0.03), (5.0, 0.0)].into_iter()),

@@ -1,15 +1,15 @@
-//! The causes of uncertainty of an angle with the sign of each error of the sensor, so that the difference of two angles
-//! has neither twice what both have in common.
+//! The causes of uncertainty of an angle, with the sign of each sensor error. So errors common to two angles cancel in
+//! their difference, instead of counting twice.
 
 use super::budget::{Budget, Term};
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
 
-/// Number of errors that all trials of a sensor share: those of [`crate::sensor::Sensor::parameters`], and the rate of the
+/// Number of errors shared by all trials of a sensor: [`crate::sensor::Sensor::parameters`], and the rate of the
 /// board's clock.
 pub const SENSOR_ERRORS: usize = PARAMETERS + 1;
 
-/// Returns the name of one of them, as budgets have it.
+/// Returns the name of one of these errors, as in budgets.
 pub fn sensor_error(index: usize) -> &'static str {
     GROUPS.iter().find(|group| group.range.contains(&index)).map_or("clock", |group| group.name)
 }
@@ -17,10 +17,10 @@ pub fn sensor_error(index: usize) -> &'static str {
 /// The causes of uncertainty of an angle.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Causes {
-    /// Those of the trial.
+    /// The trial's own causes.
     pub own: Vec<Term>,
-    /// What one standard uncertainty of each error of the sensor gives the angle, degrees. Empty for a model; two sensors
-    /// follow each other.
+    /// Effect on the angle of one standard uncertainty of each sensor error, degrees. Empty for a model; for two
+    /// sensors, one list after the other.
     pub effects_deg: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ impl Causes {
     }
 }
 
-/// Returns the terms of two trials, those of one name as one.
+/// Returns the terms of two trials; terms of the same name are combined.
 fn both_sums(one: &[Term], other: &[Term]) -> Vec<Term> {
     let mut sums = one.to_vec();
     for term in other {
@@ -81,14 +81,14 @@ pub struct OverTime {
 }
 
 impl OverTime {
-    /// Returns that of an angle without uncertainty.
+    /// Returns the uncertainty of an exact angle.
     pub fn exact(times: usize) -> Self {
         let zeros = |columns: usize| DMatrix::zeros(times, columns);
         Self { own: zeros(times), effects: zeros(SENSOR_ERRORS), block_variance: 0.0 }
     }
 
-    /// Returns the covariance of the difference of two angles' means over blocks around the times, degrees². `noise`: the
-    /// share of [`Self::block_variance`] that the mean of a block has, which is less for longer blocks.
+    /// Returns the covariance of the difference between two angles' means over blocks around the times, degrees².
+    /// `noise`: the share of [`Self::block_variance`] in the mean of a block, smaller for longer blocks.
     pub fn of_difference(one: &Self, other: &Self, is_same_sensor: bool, noise: f64) -> DMatrix<f64> {
         let common = if is_same_sensor {
             let effects = &other.effects - &one.effects;

@@ -1,5 +1,5 @@
-//! The rate error of the board's clock. By a fast clock the board integrates its rates for too long, and its times and
-//! speeds are those of a slow one: every tick is shorter than it says.
+//! The rate error of the board's clock. A fast clock makes every tick shorter than its nominal length. So the board
+//! integrates its rates for too long, its times are too long, and its speeds too low.
 
 use super::data::Data;
 use crate::attitude::Columns;
@@ -9,8 +9,8 @@ use biflag_log::ClockMeta;
 /// Limit of a Nano's ceramic resonator: ±0.5 % (Murata CSTCE16M0V53).
 const RESONATOR: f64 = 0.005;
 
-/// Fewest pings of a measured rate, and the largest rate error of a board in real time. An emulated board that runs faster
-/// than real time has no clock to compare with.
+/// Fewest pings for a measured rate, and the largest rate error of a board in real time. An emulated board that runs
+/// faster than real time has no clock to compare.
 const LEAST_PINGS: u32 = 10;
 const LARGEST: f64 = 0.02;
 
@@ -23,7 +23,7 @@ pub(super) struct ClockRate {
     pub is_measured: bool,
 }
 
-/// Returns the rate error of the board's clock. `duration_s` is that of the trial.
+/// Returns the rate error of the board's clock. `duration_s` is the duration of the trial.
 pub(super) fn rate(clock: Option<&ClockMeta>, duration_s: f64) -> ClockRate {
     let unknown = ClockRate { error: Estimate::within(RESONATOR), is_measured: false };
     let Some(clock) = clock.filter(|clock| clock.pings >= LEAST_PINGS) else { return unknown };
@@ -31,12 +31,12 @@ pub(super) fn rate(clock: Option<&ClockMeta>, duration_s: f64) -> ClockRate {
     if value.is_nan() || value.abs() > LARGEST || duration_s <= 0.0 {
         return unknown;
     }
-    // Slope of a line through pings that are spread evenly.
+    // Slope of a line through evenly spread pings.
     let u = clock.residual_us * 1e-6 / duration_s * (12.0 / f64::from(clock.pings)).sqrt();
     if u < unknown.error.u { ClockRate { error: Estimate { value, u }, is_measured: true } } else { unknown }
 }
 
-/// Corrects times and speeds of a trial by the rate of the board's clock, where it was measured.
+/// Corrects times and speeds of a trial by the rate of the board's clock, if it was measured.
 pub(super) fn correct(mut data: Data) -> Data {
     let true_s = 1.0 / (1.0 + rate(data.records.clock.as_ref(), data.duration_s).error.value);
     if true_s == 1.0 {
@@ -69,7 +69,7 @@ mod tests {
     use biflag_log::schema::biflag::event::Kind;
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry};
 
-    /// Returns a trial of 10 s by a clock that is 0.9 % fast, with one turn a second of true time.
+    /// Returns a trial of 10 s on a clock that is 0.9 % fast, with one turn per second of true time.
     fn trial(clock: ClockMeta) -> Data {
         let mut collector = Collector::new(Want::default(), FORMAT);
         collector.event(0.0, Kind::Phase, "run");

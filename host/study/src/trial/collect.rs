@@ -13,7 +13,7 @@ use protocol::units::{Q15, Quaternion};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Maximum number of events that are kept.
+/// Maximum number of stored events.
 const MAX_EVENTS: usize = 2_000;
 
 /// The part of a trial that has been read or recorded so far.
@@ -200,7 +200,7 @@ impl Collector {
         })
     }
 
-    /// Makes the readings of an imported trial of the states that other instruments have measured.
+    /// Converts the states measured by other instruments into the readings of an imported trial.
     fn take_import(&mut self, records: &Records) {
         let states = std::mem::take(&mut self.truth);
         let celsius = records.import.as_ref().and_then(|import| import.temperature_c).unwrap_or(f64::NAN);
@@ -213,8 +213,8 @@ impl Collector {
         self.link.samples = states.len() as u64;
     }
 
-    /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude, or
-    /// numbers that are none, which no board sends.
+    /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if the frame has no
+    /// attitude, or an invalid one that no board sends.
     fn reading(&self, frame: &Telemetry) -> Option<Reading> {
         let q = frame.attitude.as_ref()?;
         let attitude = match &frame.attitude_q15 {
@@ -240,8 +240,8 @@ impl Collector {
     }
 }
 
-/// Returns the link statistics. The summary of the trial is more complete than the messages, except for samples that
-/// the log has lost since.
+/// Returns the link statistics. The trial's summary is more complete than the messages, except for samples that the log
+/// has lost since then.
 fn link(counted: LinkStats, summed_up: Option<LinkStats>) -> LinkStats {
     let Some(summed_up) = summed_up else { return counted };
     let missing = summed_up.samples.saturating_sub(counted.samples);

@@ -20,24 +20,24 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both by their
+/// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both from their
 /// encoders.
 pub const MOTORS: usize = 6;
 
-/// Columns of [`Data::forces`]: force of flagellum 1 and 2 on the base (x, y, z each, body axes, N), the part of both
-/// that is contact (N), the reaction torques about the shafts (N m), smallest gap and largest overlap of the surfaces
-/// (m), and number of turns by which the flagella are wound around each other.
+/// Columns of [`Data::forces`]: force of flagellum 1 and 2 on the base (x, y, z each, body axes, N), the contact part
+/// of both (N), the reaction torques about the shafts (N m), smallest gap and largest overlap of the surfaces (m), and
+/// number of turns by which the flagella are wound around each other.
 pub const FORCES: usize = 17;
 
 /// Longest time without frames in which no robot makes a full turn, s: the fastest takes 3 s.
 const LONG_GAP_S: f64 = 1.0;
 
-/// What is read of a log besides what every reader needs.
+/// The optional parts of a log to read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Want {
     /// The forces of a modelled robot.
     pub forces: bool,
-    /// The most shapes of the flagella that are kept; 0: none.
+    /// Largest number of the flagella's shapes to keep; 0: none.
     pub shapes: usize,
     /// The hash of the file.
     pub hash: bool,
@@ -56,7 +56,7 @@ pub struct Records {
     pub robot: Option<RobotMeta>,
     /// The board.
     pub board: Option<BoardMeta>,
-    /// What was measured of the sensor before the trial.
+    /// The sensor's errors, measured before the trial.
     pub measured_sensor: Option<MeasuredSensorMeta>,
     /// The attitude that a steered trial was to reach.
     pub steer: Option<SteerMeta>,
@@ -123,7 +123,7 @@ impl Records {
         }
     }
 
-    /// Returns where the trial ran: the rig, if the log does not specify it.
+    /// Returns where the trial ran; the rig if the log does not say.
     pub fn origin(&self) -> Origin {
         self.identity.as_ref().map_or(Origin::Rig, |identity| identity.origin)
     }
@@ -154,17 +154,17 @@ pub struct LinkSecond {
     pub board: u32,
 }
 
-/// A trial, read from its log. Times are seconds since its first frame, by the board's clock; where pings have measured the
-/// rate of that clock, times and speeds are corrected.
+/// A trial, read from its log. Times are seconds since its first frame, by the board's clock. If pings have measured
+/// the rate of that clock, times and speeds are corrected.
 #[derive(Clone, Debug)]
 pub struct Data {
     /// Path of the log.
     pub path: PathBuf,
     /// Its metadata.
     pub records: Records,
-    /// Readings of the sensor, without failed ones; of an imported trial, those of the other instruments.
+    /// Readings of the sensor, without failed ones; for an imported trial, readings of the other instruments.
     pub readings: Vec<(f64, Reading)>,
-    /// Index of the first reading after the gyroscope's calibration; the rates before it have another bias.
+    /// Index of the first reading after the gyroscope's calibration; earlier rates have another bias.
     pub calibrated: usize,
     /// See [`MOTORS`].
     pub motors: Columns<MOTORS>,
@@ -196,13 +196,13 @@ pub struct Data {
     pub condition: Condition,
     /// The program that rewrote the log, if one did.
     pub rewritten_by: Option<String>,
-    /// Places in the log that cannot be read.
+    /// Unreadable parts of the log.
     pub losses: Vec<Loss>,
     /// SHA-256 of the file, if requested.
     pub sha256: Option<String>,
-    /// What shortened the run, or moved its start.
+    /// Reasons for a shortened or shifted run.
     pub warnings: Vec<String>,
-    /// Findings about the log among the others of its session: see [`crate::session`].
+    /// Findings about the log's identity within its session: see [`crate::session`].
     pub identity: Vec<Finding>,
 }
 
@@ -228,7 +228,7 @@ impl Data {
         self.origin().is_recorded()
     }
 
-    /// Returns what a gap in the log lacks, and the verb with it: a camera has no telemetry.
+    /// Returns the noun and the verb for the missing content of a gap: a camera has no telemetry.
     pub(super) fn lacking(&self) -> [&'static str; 2] {
         match self.origin() {
             Origin::Imported => ["rows of the table", "are"],
@@ -251,14 +251,14 @@ impl Data {
         TrialMeta { w1_rpm, w2_rpm, ..trial }
     }
 
-    /// Returns the target speeds of flagella 1 and 2 at the start of the run; of a steered trial their means at its end, to
-    /// which its steady angles belong.
+    /// Returns the target speeds of flagella 1 and 2 at the start of the run; for a steered trial, their means at its
+    /// end, where the steady angles are measured.
     pub fn speeds(&self) -> [CentiRpm; 2] {
         let run = &self.times.run;
         self.steered_speeds((run.end - WINDOW).max(run.start)..run.end).unwrap_or_else(|| self.planned_speeds())
     }
 
-    /// Returns the speeds of the plan; of a steered trial the feed-forward.
+    /// Returns the plan's speeds; for a steered trial, the feed-forward.
     pub fn planned_speeds(&self) -> [CentiRpm; 2] {
         let trial = self.records.trial.as_ref();
         trial.map_or([CentiRpm(0); 2], |trial| [trial.w1_rpm, trial.w2_rpm].map(CentiRpm::from_rpm))
@@ -282,13 +282,12 @@ impl Data {
         self.records.board.as_ref().and_then(board::of_log)
     }
 
-    /// Returns what is known of the errors of the sensor: what was measured where the log has it, the data sheet for all
-    /// else.
+    /// Returns the sensor: the measured errors in the log, and the data sheet for all others.
     pub fn sensor(&self) -> Sensor {
         Sensor::of(self.records.measured_sensor.as_ref())
     }
 
-    /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.
+    /// Returns the robot's parameters: the model's, or on a rig those of the robot named in the plan.
     ///
     /// # Errors
     /// [`PlanError`] if the parameters in the log are invalid.
@@ -316,7 +315,7 @@ impl Data {
         self.longest_gap().is_some_and(|gap| gap.end - gap.start > LONG_GAP_S)
     }
 
-    /// Returns the longest gap in the frames. The yaw of a model has its full turns in every sample.
+    /// Returns the longest gap in the frames. A model has none: its samples contain all full turns.
     pub(super) fn longest_gap(&self) -> Option<Range<f64>> {
         if self.is_model() {
             return None;
@@ -336,7 +335,7 @@ mod tests {
     use protocol::units::{Axis, AxisMap};
     use std::path::Path;
 
-    /// Returns a trial on a board whose z axis of the gyroscope reads body axis y.
+    /// Returns a trial on a board whose gyroscope measures body axis y along its z axis.
     fn data(measured: &[(&str, &str, f64, f64)]) -> Data {
         let gyro_axes = AxisMap([Axis::PlusX, Axis::MinusZ, Axis::PlusY]);
         let settings = Settings { gyro_axes, ..Settings::DEFAULT };

@@ -1,4 +1,4 @@
-//! What is known about the errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
+//! The errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
 
 use super::budget::{Budget, CommonTo, Term};
 use super::causes::{Causes, OverTime, SENSOR_ERRORS};
@@ -12,10 +12,10 @@ use nalgebra::{DMatrix, RowDVector};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-/// Time around a moment over which its tilt is averaged, s: the robot wobbles with its flagella.
+/// Half length of the window over which a tilt is averaged, s, because the robot wobbles with its flagella.
 const AROUND_S: f64 = 2.0;
 
-/// The derivatives of pitch and of roll by pitch and roll.
+/// The derivatives of pitch and of roll with respect to pitch and roll.
 const PITCH: [f64; 2] = [1.0, 0.0];
 const ROLL: [f64; 2] = [0.0, 1.0];
 
@@ -39,17 +39,17 @@ pub(super) struct Errors {
     clock: ClockRate,
 }
 
-/// What one standard uncertainty of each error gives yaw, pitch and roll, degrees.
+/// Effect on yaw, pitch and roll of one standard uncertainty of each error, degrees.
 struct Effects {
-    /// Errors that all trials of the sensor have in common: [`crate::sensor::Sensor::parameters`], then the clock unless the
+    /// Errors common to all trials of the sensor: [`crate::sensor::Sensor::parameters`], then the clock unless the
     /// trial has measured it.
     common: [Vec<f64>; 3],
-    /// The clock that the trial has measured, on the yaw.
+    /// Effect on the yaw of a clock that the trial has measured.
     measured_clock: f64,
 }
 
 impl Errors {
-    /// Collects what is known. The angles are zero at `from_s`.
+    /// Collects the known errors. The angles are zero at `from_s`.
     pub fn new(
         data: &Data,
         sensitivities: Sensitivities,
@@ -75,7 +75,7 @@ impl Errors {
         }
     }
 
-    /// Returns the times around a moment, within the trial.
+    /// Returns the averaging window around a time, within the trial.
     fn around(&self, time_s: f64) -> Range<f64> {
         let span = self.sensitivities.span();
         (time_s - AROUND_S).max(span.start)..(time_s + AROUND_S).min(span.end)
@@ -122,8 +122,8 @@ impl Errors {
         }))
     }
 
-    /// Returns the uncertainty of pitch, roll or tilt due to the bias's change since the zero. `gradient`: the derivatives
-    /// of the angle by pitch and roll.
+    /// Returns the uncertainty of pitch, roll or tilt due to the bias's change since the zero. `gradient`: the
+    /// derivatives of the angle with respect to pitch and roll.
     fn bias_term(&self, angles: &Columns<3>, over: &Range<f64>, gradient: [f64; 2]) -> Term {
         let warming_c = self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c;
         let zero = self.from_s - AROUND_S..self.from_s + AROUND_S;
@@ -133,7 +133,7 @@ impl Errors {
         Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot), f64::INFINITY)
     }
 
-    /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each error of the sensor.
+    /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each sensor error.
     pub fn causes(&self, angles: &Columns<3>, over: &Range<f64>) -> [Option<Causes>; 3] {
         let middle_s = 0.5 * (over.start + over.end);
         let Effects { common: [of_yaw, ..], measured_clock } = self.effects(&self.around(middle_s));
@@ -150,8 +150,8 @@ impl Errors {
         [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
     }
 
-    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of a length around times; `None` without a still phase
-    /// or a known bias.
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` without
+    /// a still phase or a known bias.
     pub fn over_time(&self, angles: &Columns<3>, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
         let (drift, zero) = (self.drift.as_ref()?.covariance(times)?, self.tilt_zero.as_ref()?);
         let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
@@ -188,7 +188,7 @@ impl Errors {
         Effects { common, measured_clock }
     }
 
-    /// Returns what the trial's own gyroscope noise and bias do to the yaw.
+    /// Returns the effects of the trial's own gyroscope noise and bias on the yaw.
     fn drift_terms(&self, time_s: f64) -> Option<[Term; 2]> {
         let drift = self.drift.as_ref()?;
         let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
@@ -200,12 +200,13 @@ impl Errors {
         Term { common_to, ..Term::of_sensor("clock", std::iter::once((u_deg, 1.0))) }
     }
 
-    /// Returns what each independent error of the sensor gives an angle, degrees.
+    /// Returns the effect of each independent sensor error on an angle, degrees.
     fn of_each(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> RowDVector<f64> {
         RowDVector::from_row_slice(&sensitivity[..PARAMETERS]) * &self.independent
     }
 
-    /// Returns the causes in the sensor; `sensitivity`: the derivative of the angle by each of its errors.
+    /// Returns the causes in the sensor; `sensitivity`: the derivatives of the angle with respect to each of its
+    /// errors.
     fn of_sensor(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> impl Iterator<Item = Term> {
         let each = self.of_each(sensitivity);
         GROUPS.iter().map(move |group| {
@@ -226,10 +227,10 @@ fn mean_tilt_deg(angles: &Columns<3>, over: &Range<f64>) -> [f64; 2] {
     [1, 2].map(|k| angles.track(k).mean(over.clone()).unwrap_or_default())
 }
 
-/// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) by pitch and roll.
+/// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) with respect to pitch and roll.
 fn tilt_gradient(tilt_deg: [f64; 2]) -> [f64; 2] {
     let [pitch, roll] = tilt_deg.map(f64::to_radians);
     let sine = (pitch.cos() * roll.cos()).acos().sin();
-    // Upright, every direction is as good.
+    // Upright, all directions are equivalent.
     if sine == 0.0 { [FRAC_1_SQRT_2; 2] } else { [pitch.sin() * roll.cos() / sine, pitch.cos() * roll.sin() / sine] }
 }

@@ -4,32 +4,33 @@ use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
-/// What a finding is about.
+/// The subject of a finding.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingKind {
-    /// Which trial of which session the log holds: its content against its file's name and the other logs.
+    /// The log's trial and session: its content compared with its file name and the other logs.
     Identity,
-    /// How the trial was run: clipped readings, missed ticks, speeds not reached, supply, lost frames, faults, damage.
+    /// The conduct of the trial: clipped readings, missed ticks, speeds not reached, supply, lost frames, faults,
+    /// damage.
     Conduct,
-    /// The still phases that zero and drift are estimated from.
+    /// The still phases from which zero and drift are estimated.
     Rest,
-    /// The time over which the steady angles are averaged.
+    /// The averaging window of the steady angles.
     Window,
 }
 
 /// A finding about a trial.
 #[derive(Serialize, Clone, PartialEq, Eq, Debug)]
 pub struct Finding {
-    /// What it is about.
+    /// Its subject.
     pub kind: FindingKind,
-    /// What was found.
+    /// The finding in words.
     pub text: String,
-    /// What to do about it; empty if nothing can be done.
+    /// The remedy; empty if there is none.
     pub cure: String,
-    /// Whether the trial's numbers may be wrong, so that commands exit with 3.
+    /// Whether the trial's numbers may be wrong; commands then exit with 3.
     pub grave: bool,
-    /// Whether the uncertainties hold nevertheless: the loss does not reach the angles.
+    /// Whether the uncertainties hold nevertheless, because the loss does not affect the angles.
     #[serde(skip)]
     spares_angles: bool,
 }
@@ -52,7 +53,7 @@ impl LogFinding {
     }
 }
 
-/// The finding with what to do about it, as the recorder writes its warnings.
+/// The finding with its remedy, in the format of the recorder's warnings.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)?;
@@ -61,12 +62,12 @@ impl fmt::Display for Finding {
 }
 
 impl Finding {
-    /// Creates a finding after which the trial's numbers may be wrong.
+    /// Creates a finding which means that the trial's numbers may be wrong.
     pub(crate) fn grave(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
         Self { kind, text: text.into(), cure: cure.to_owned(), grave: true, spares_angles: false }
     }
 
-    /// Creates a finding about a loss that the user must know of, and that does not reach the angles.
+    /// Creates a finding about a loss that the user must know of, but that does not affect the angles.
     pub(super) fn loss(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
         Self { spares_angles: true, ..Self::grave(kind, text, cure) }
     }
@@ -76,7 +77,7 @@ impl Finding {
         self.grave && !self.spares_angles
     }
 
-    /// Creates a finding that the numbers already allow for, for instance by an uncertainty that is unknown.
+    /// Creates a finding that the numbers already take into account, for instance by an unknown uncertainty.
     pub(crate) fn slight(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
         Self { grave: false, ..Self::grave(kind, text, cure) }
     }

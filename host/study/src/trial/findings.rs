@@ -16,23 +16,23 @@ use std::ops::Range;
 
 const REPEAT: &str = "repeat the trial";
 
-/// How the warning of a damaged frame begins in a log. A bad line brings many of them.
+/// Beginning of the warning about a damaged frame in a log. A bad serial line causes many of them.
 pub const DAMAGED_FRAME: &str = "a frame was damaged";
 
-/// Speeds of a trial in which the sensor is turned by hand, and may be mounted anyhow.
+/// Speeds of a trial in which the sensor is turned by hand, and may have any mounting.
 const HAND_TURN: [CentiRpm; 2] = [CentiRpm(0); 2];
 
 /// Smallest share of the averaging time that must have telemetry.
 const LEAST_SHARE: f64 = 0.9;
 
-/// Time between readings that counts as missing telemetry, s: ten frames of a board.
+/// Time between readings above which telemetry counts as missing, s: ten frames of a board.
 const GAP_S: f64 = 0.05;
 
 /// Bound on the motion after a wait, relative to the limits of a still robot, up to which the fit of the return to rest
-/// covers what is left.
+/// covers the remaining motion.
 const RESIDUAL: f64 = 4.0;
 
-/// Smallest gain of the board's filter with which the tilt has settled where the zero is taken, 1/s.
+/// Smallest gain of the board's filter with which the tilt has settled when the zero is taken, 1/s.
 const LEAST_GAIN: f32 = 0.5;
 
 /// Returns all findings about a trial.
@@ -47,7 +47,7 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     found
 }
 
-/// What the recorder saw of the rest before the trial.
+/// Judges the recorder's wait for a still robot.
 fn wait(data: &Data) -> Option<Finding> {
     let rest = data.records.rest.as_ref().filter(|rest| !rest.still)?;
     let waited_s = rest.waited_s;
@@ -67,7 +67,7 @@ fn wait(data: &Data) -> Option<Finding> {
     })
 }
 
-/// What the averaging time says.
+/// Returns findings about the averaging window.
 fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let Some(steady) = &zeroed.steady else { return Vec::new() };
     let mut found = Vec::new();
@@ -99,7 +99,7 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     found
 }
 
-/// What the trial says about the sensor's mounting and filter.
+/// Returns findings about the sensor's mounting and filter.
 fn sensor(data: &Data) -> Vec<Finding> {
     let mut found = Vec::new();
     if !data.is_recorded() || data.speeds() == HAND_TURN || !data.times.has_run() {
@@ -136,7 +136,7 @@ fn sensor(data: &Data) -> Vec<Finding> {
     found
 }
 
-/// Whether the sensor's file finds another gravity than there is. Its errors are removed from the angles.
+/// Returns a finding if the sensor's file gives a wrong gravity: its errors are removed from the angles.
 fn other_sensor(data: &Data) -> Option<Finding> {
     let file = data.records.measured_sensor.as_ref()?;
     let level = data.records.level.as_ref()?;
@@ -155,7 +155,7 @@ fn other_sensor(data: &Data) -> Option<Finding> {
     })
 }
 
-/// What makes the angles wrong with these settings of the board, whatever the sensor reads.
+/// Returns findings about settings of the board that make the angles wrong for any readings.
 fn of_settings(settings: &Settings) -> Vec<Finding> {
     let Settings { gyro_axes, accel_axes, attitude_kp, attitude_ki, .. } = *settings;
     let mut found = Vec::new();
@@ -174,7 +174,7 @@ fn of_settings(settings: &Settings) -> Vec<Finding> {
         };
         grave(format!("the board's filter {lags}"), "set attitude_kp to 1, and repeat the trial");
     }
-    // Already with 0.003 the yaw is off by 2 degrees in a run of 70 s.
+    // Even 0.003 makes the yaw wrong by 2 degrees in a run of 70 s.
     if attitude_ki != 0.0 {
         let text = format!(
             "the board's filter takes a part of the robot's motion for a bias of the gyroscope (attitude_ki {attitude_ki}): the \
@@ -214,7 +214,7 @@ fn conduct(data: &Data) -> Vec<Finding> {
     if data.link.lost > 0 {
         let all = data.link.lost.saturating_add(data.link.samples);
         let text = format!("{} of {all} telemetry frames were lost", data.link.lost);
-        // The board integrates the gyroscope, so that frames here and there take no angle with them.
+        // The board integrates the gyroscope, so a few lost frames do not affect the angles.
         found.push(Finding::loss(FindingKind::Conduct, text, "check the cable"));
     }
     if let Some(gaps) = data.gaps() {
@@ -227,7 +227,7 @@ fn conduct(data: &Data) -> Vec<Finding> {
         found.push(grave(text, cure));
     }
     let protocols = records.identity.as_ref().map(|identity| identity.protocol);
-    // Logs of older protocols hold the same messages.
+    // Logs of older protocols contain the same messages.
     if let Some(newer) = protocols.filter(|found| *found > protocol::VERSION) {
         let text = format!("recorded with protocol {newer}, of which this program knows {} at most", protocol::VERSION);
         found.push(grave(text, "use the version of biflag that recorded it"));
@@ -245,7 +245,7 @@ fn conduct(data: &Data) -> Vec<Finding> {
         let text = format!("{} {were} damaged on the line", damaged.len());
         found.push(Finding::loss(FindingKind::Conduct, text, "check the cable"));
     }
-    // What the recorder saw is in the log: a cure follows the colon.
+    // The recorder's warnings are in the log; the remedy follows the colon.
     for event in others {
         let (text, cure) = event.text.split_once(": ").unwrap_or((&event.text, ""));
         found.push(grave(text.to_owned(), cure));

@@ -8,29 +8,29 @@ use crate::attitude::rotation;
 use crate::text::count;
 use std::ops::Range;
 
-/// Largest difference of two speeds that are the same, rpm, and as a share.
+/// Speeds that differ by no more than this are the same, rpm, and as a share.
 const SAME_RPM: f64 = 0.3;
 const SAME_SHARE: f64 = 0.03;
 
-/// Least number of rows for a turn of the faster flagellum.
+/// Smallest number of rows per turn of the faster flagellum.
 const LEAST_ROWS_A_TURN: f64 = 4.0;
 
-/// A change of the attitude between two rows that is no motion, degrees and °/s. The fastest full turn takes 3 s.
+/// A change between two rows above both limits is not a motion, degrees and °/s. The fastest full turn takes 3 s.
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
-/// Rows, and the time, with one attitude in a run, that are no measurement.
+/// Number and duration of rows with the same attitude in a run that are not a measurement.
 const STOOD_ROWS: usize = 10;
 const STOOD_S: f64 = 3.0;
 
 /// Difference from a recorded yaw that is worth a note if the uncertainty of the instrument is unknown, degrees.
 const UNKNOWN_DEG: f64 = 1.0;
 
-/// Rows of zeros in a run, and how far from zero the attitude beside them is, that are no measurement.
+/// At least this many rows of zeros, with neighbours at least this far from zero, are not a measurement.
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
 
-/// Returns the findings about an imported trial but for that of its rest, see `import_rest`; none about another one.
+/// Returns the findings about an imported trial, except its rest (see `import_rest`); none for other trials.
 pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let Some(import) = &data.records.import else { return Vec::new() };
     let mut found: Vec<Finding> = (zeroed.steady.as_ref())
@@ -65,7 +65,7 @@ pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     found
 }
 
-/// Returns a finding if a motor turned at another speed while the angles were averaged than the trial's.
+/// Returns a finding if a motor did not turn at the trial's speed while the angles were averaged.
 fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
     let wanted = data.speeds().map(|speed| speed.rpm());
     [0, 1].into_iter().find_map(|k| {
@@ -86,7 +86,7 @@ fn grave(text: String, cure: &str) -> Finding {
     Finding::grave(FindingKind::Conduct, text, cure)
 }
 
-/// Returns a finding if the table has too few rows for a turn.
+/// Returns a finding if the table has too few rows per turn.
 fn sparse(data: &Data) -> Option<Finding> {
     let fastest_rpm = data.speeds().iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.rpm().abs()));
     let rows_a_turn = 60.0 / (fastest_rpm * data.motors.interval_s().unwrap_or_default());
@@ -107,7 +107,7 @@ fn turned_before(data: &Data) -> Option<Finding> {
     Some(grave(text, "let the run begin where the motors start"))
 }
 
-/// Returns a finding if the attitude jumps, or stands still in the run: readings that were lost, or in another unit.
+/// Returns a finding if the attitude jumps, or is constant in the run: the readings were lost, or have another unit.
 fn lost(data: &Data) -> Option<Finding> {
     let (run, readings) = (&data.times.run, &data.readings);
     let mut stood_from = 0;
@@ -130,13 +130,13 @@ fn lost(data: &Data) -> Option<Finding> {
     None
 }
 
-/// Returns a finding if rows of the run hold zeros beside an attitude that is another: what many instruments write when they
+/// Returns a finding if rows of the run contain zeros between other attitudes: many instruments write zeros when they
 /// lose the robot.
 fn zeros(data: &Data) -> Option<Finding> {
     let run = data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s));
     let (zeros, others): (Vec<_>, Vec<_>) = run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
     let upright = rotation([1.0, 0.0, 0.0, 0.0]);
-    // The next reading that is none tells where the robot was.
+    // The next reading that is not zero shows where the robot was.
     let is_lost = |time_s: f64| {
         let next = others.iter().find(|(later_s, _)| *later_s > time_s).or(others.last());
         next.is_some_and(|(_, reading)| rotation(reading.attitude).angle_to(&upright).to_degrees() > ZERO_DEG)

@@ -1,14 +1,14 @@
-//! Whether the robot of an imported trial was still before its run.
+//! Checks whether the robot of an imported trial was still before its run.
 
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Motion, Track};
 use std::ops::Range;
 
-/// Time before the run in which the robot must be still, and the shortest that tells, s.
+/// Time before the run in which the robot must be still, and the shortest rest that can be judged, s.
 pub(super) const REST_S: f64 = 5.0;
 const LEAST_REST_S: f64 = 2.0;
 
-/// Motion before the run, relative to the limits of a still robot, from which on the zero is wrong by degrees.
+/// Motion before the run, relative to the limits of a still robot, above which the zero is wrong by degrees.
 const GRAVE: f64 = 4.0;
 
 /// Returns a finding if yaw, pitch or roll still changed in the rest before the run, beyond what their scatter explains.
@@ -37,7 +37,7 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
     }
 }
 
-/// Returns the least rate of change that the readings show: their slope less twice its standard error.
+/// Returns the smallest rate of change compatible with the readings: their slope minus two standard errors.
 fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
     let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use crate::attitude::Columns;
 
-    /// Returns angles over 6 s at 10 Hz of which the first moves at a rate, with a scatter of 0.1 degrees that alternates.
+    /// Returns angles over 6 s at 10 Hz. The first changes at a rate, with an alternating scatter of 0.1 degrees.
     fn angles(rate_dps: f64) -> Columns<3> {
         let mut angles = Columns::default();
         for i in 0..60 {

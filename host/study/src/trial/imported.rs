@@ -1,4 +1,4 @@
-//! A trial that other instruments measured: its readings, and the errors that its import states.
+//! A trial measured by other instruments: its readings, and the errors that its import states.
 
 use super::budget::{Budget, Evaluation, Term};
 use super::causes::{Causes, OverTime};
@@ -8,10 +8,10 @@ use biflag_log::ImportMeta;
 use nalgebra::{DMatrix, UnitQuaternion};
 use std::ops::Range;
 
-/// Name of the term that an import states.
+/// Name of the term for the error that an import states.
 const INSTRUMENT: &str = "imported instrument";
 
-/// Returns readings, and speeds and turns, of states with yaw, pitch, roll and turns of both shafts. The speeds are those of
+/// Converts states (yaw, pitch, roll and turns of both shafts) into readings, speeds and turns. The speeds follow from
 /// the turns.
 pub(super) fn readings(
     states: &Columns<5>,
@@ -40,7 +40,7 @@ pub(super) fn readings(
     ((0..times.len()).map(reading).collect(), motors)
 }
 
-/// What an import states about the errors of its angles: one error of each angle, the same over the whole trial.
+/// The errors that an import states for its angles: one per angle, constant over the whole trial.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
     /// Standard uncertainty of yaw, pitch and roll, degrees; `None` for an angle that was not measured.
@@ -48,7 +48,7 @@ pub(super) struct Stated {
 }
 
 impl Stated {
-    /// Returns what an import states; `None` if it states nothing.
+    /// Returns the stated errors of an import; `None` if it states none.
     pub fn of(import: Option<&ImportMeta>) -> Option<Self> {
         let import = import?;
         let [yaw, tilt] = [import.yaw_uncertainty_deg?, import.tilt_uncertainty_deg?];
@@ -78,8 +78,8 @@ impl Stated {
         [0, 1, 2].map(|angle| Some(Causes { own: vec![self.term(angle)?], effects_deg: Vec::new() }))
     }
 
-    /// Returns the uncertainty at a number of times; `None` if an angle was not measured. Whether the error is the same at
-    /// all of them or another at each is not stated, so that both are allowed for.
+    /// Returns the uncertainty at a number of times; `None` if an angle was not measured. The import does not state
+    /// whether the error is common to all times or differs between them, so both are included.
     pub fn over_time(&self, times: usize) -> Option<[OverTime; 3]> {
         let of = |u_deg: f64| {
             let own = DMatrix::from_element(times, times, u_deg.powi(2))

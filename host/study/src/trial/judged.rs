@@ -1,4 +1,4 @@
-//! The attitude of a trial, judged by its findings: a finding may take its uncertainties away.
+//! The attitude of a trial, judged by its findings: a finding may remove its uncertainties.
 
 use super::data::Data;
 use super::finding::Finding;
@@ -12,7 +12,7 @@ impl Zeroed {
         Self::judged(data, data.times.decay.clone())
     }
 
-    /// Computes the attitude of a trial with the drift of the still phase before the run alone.
+    /// Computes the attitude of a trial, with the drift only from the still phase before the run.
     pub fn from_rest(data: &Data) -> Self {
         Self::judged(data, data.duration_s..data.duration_s)
     }

@@ -1,8 +1,8 @@
-//! A trial in memory: read from its log once ([`Data`]), then referred to its zero ([`Zeroed`]).
+//! A trial in memory: read once from its log ([`Data`]), then expressed relative to its zero ([`Zeroed`]).
 //!
 //! The commands `record`, `info`, `compare`, `calibrate`, `report` and `export` take all results of a trial from this
-//! module; none of them reads logs, levels attitudes or removes drift in another way. A trial that is being recorded
-//! passes through the same [`Collector`] as one that is read from its log, so that both give the same results.
+//! module, and never read logs, level attitudes or remove drift in any other way. A trial passes through the same
+//! [`Collector`] while it is recorded and when it is read from its log, so both give the same results.
 
 mod angles;
 mod axes;

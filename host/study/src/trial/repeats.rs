@@ -9,13 +9,13 @@ pub struct AtSpeeds<T> {
     pub speeds_rpm: [f64; 2],
     /// Means of yaw, pitch and roll, with their signs.
     pub angles_deg: [f64; 3],
-    /// Mean of the tilts: that of the mean attitude would hide tilts to different sides, as of other starting phases.
+    /// Mean of the tilts. The mean attitude would hide tilts to different sides, as with different starting phases.
     pub tilt_deg: f64,
     /// Number of trials.
     pub trials: usize,
     /// Whether all of them settled.
     pub is_settled: bool,
-    /// What belongs to the first of them.
+    /// The first trial's data.
     pub first: T,
 }
 
@@ -32,7 +32,7 @@ impl<T> AtSpeeds<T> {
     }
 }
 
-/// Returns the mean of the single trials at each pair of speeds, in the order of the first ones.
+/// Returns the mean of the trials at each pair of speeds, ordered by the first trial of each pair.
 pub fn mean_of_repeats<T>(trials: impl Iterator<Item = AtSpeeds<T>>) -> Vec<AtSpeeds<T>> {
     let mut means: Vec<AtSpeeds<T>> = Vec::new();
     for trial in trials {

@@ -1,4 +1,4 @@
-//! What a log shows of the rest before its run: whether there was one, and whether the robot was still.
+//! Findings about the rest before a run: whether there was one, and whether the robot was still.
 
 use super::blocks::{blocks, end_of};
 use super::data::Data;
@@ -7,30 +7,31 @@ use crate::attitude::{Drift, Rest, Series};
 use protocol::units::CentiRpm;
 use std::ops::Range;
 
-/// The zero of the yaw is its mean over this duration at the end of the still phase, s. A shorter one is none.
+/// The zero of the yaw is its mean over this duration at the end of the still phase, s. A shorter still phase does not
+/// count.
 pub(super) const START_S: f64 = 1.0;
 
 /// Largest change of the tilt at the end of a still phase, degrees.
 const STILL_DEG: f64 = 0.5;
 
-/// Change of the rates that the board's filter holds back, relative to that which alone would change the tilt, from which on
-/// the filter settles. A robot that moves does not change them.
+/// The filter is settling if the rates that it cancels change by more than this share of the change that would explain
+/// the tilt's. A motion of the robot does not change these rates.
 const SETTLING: f64 = 0.1;
 
-/// Time at the end of a still phase over which its rate is compared with the calibration, s.
+/// Time at the end of a still phase in which its rate is compared with the calibration, s.
 const COMPARED_S: f64 = 5.0;
 
 /// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
 const CALIBRATED_DPS: f64 = 0.1;
 
-/// Shortest time at rest that tells a bias from noise, s: a mean rate over it has a noise of some hundredths of a degree a
-/// second.
+/// Shortest time at rest that distinguishes a bias from noise, s: a mean rate over it has a noise of some hundredths of
+/// a degree per second.
 const LEAST_RATE_S: f64 = 0.2;
 
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
 
-/// Returns what is found. `has_still`: whether there is a still phase.
+/// Returns the findings. `has_still`: whether there is a still phase.
 pub(super) fn findings(
     data: &Data,
     series: &Series,
@@ -38,7 +39,7 @@ pub(super) fn findings(
     has_still: bool,
     drift: Option<&Drift>,
 ) -> Vec<Finding> {
-    // A sensor that is turned by hand needs no rest.
+    // A sensor turned by hand needs no rest.
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
     let unknown = if data.times.has_run() { unknown(data, series, rest, has_still, drift) } else { None };
     let moved = if has_still { tilt_changed(series, rest) } else { None };
@@ -46,7 +47,7 @@ pub(super) fn findings(
     unknown.filter(|_| is_of_robot).into_iter().chain(moved).chain(turned.filter(|_| is_of_robot)).collect()
 }
 
-/// Says that readings are missing where the run starts.
+/// Returns the finding that readings are missing where the run starts.
 pub(super) fn start_is_missing(data: &Data, gap: &Range<f64>) -> Finding {
     let (Range { start, end }, [what, verb]) = (gap, data.lacking());
     let text = format!(
@@ -56,7 +57,7 @@ pub(super) fn start_is_missing(data: &Data, gap: &Range<f64>) -> Finding {
     Finding::slight(FindingKind::Rest, text, "")
 }
 
-/// Says which uncertainties are unknown, and why. Grave if what is unknown turns the yaw.
+/// Judges unknown uncertainties. The finding is grave if the unknown error turns the yaw.
 fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
     let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
     let long_preroll = "give the plan a pre-roll of 20 s";
@@ -99,9 +100,10 @@ fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Op
     None
 }
 
-/// Returns the rate at which the bias that is not removed turns the yaw in the run, °/s, by the rates at rest; `None` without
-/// a rest. They tell a board that was calibrated earlier, and kept its bias, from one that never was. `knows_z`: whether the
-/// drift at rest is removed; the biases about x and y then turn the yaw of a robot that leans.
+/// Returns the rate at which the remaining bias turns the yaw in the run, °/s, from the rates at rest; `None` without a
+/// rest. The rates distinguish a board that has kept an earlier calibration from one that was never calibrated.
+/// `knows_z`: whether the drift at rest is removed; the biases about x and y then still turn the yaw of a leaning
+/// robot.
 fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) -> Option<f64> {
     let still = &rest.before;
     if still.end - still.start < LEAST_RATE_S {
@@ -119,7 +121,7 @@ fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) ->
     Some((pitch.cos() * (y * roll.sin() + z * roll.cos()) - x * pitch.sin()).abs())
 }
 
-/// Says whether the tilt changed at the end of the still phase: the robot's, or that which a settling filter states.
+/// Returns a finding if the tilt changed at the end of the still phase: the robot moved, or the filter was settling.
 fn tilt_changed(series: &Series, rest: &Rest) -> Option<Finding> {
     let over = end_of(&rest.before);
     let range = |values: Vec<f64>| {
@@ -147,8 +149,8 @@ fn tilt_changed(series: &Series, rest: &Rest) -> Option<Finding> {
     Some(Finding::grave(FindingKind::Rest, text, cure))
 }
 
-/// Returns whether the board's filter settles in a still phase. `rate_dps`: the change of its correction that changes the tilt
-/// as much as it was seen to change.
+/// Returns whether the board's filter was settling in a still phase. `rate_dps`: the change of its correction that
+/// would explain the observed change of the tilt.
 fn filter_settles(series: &Series, still: &Range<f64>, rate_dps: f64) -> bool {
     let middle = 0.5 * (still.start + still.end);
     let halves = [still.start..middle, middle..still.end].map(|half| series.held_back_dps(half));
@@ -156,7 +158,7 @@ fn filter_settles(series: &Series, still: &Range<f64>, rate_dps: f64) -> bool {
     (one[0] - other[0]).hypot(one[1] - other[1]) > SETTLING * rate_dps
 }
 
-/// Says whether the robot moved in the calibration, or still turned when the run began.
+/// Returns a finding if the robot moved during the calibration, or still turned when the run began.
 fn yaw_turned(series: &Series, rest: &Rest, drift: Option<&Drift>) -> Option<Finding> {
     let cure = "let the robot come to rest before the trial: see rest_at_most in the plan";
     let grave = |text: String| Some(Finding::grave(FindingKind::Rest, text, cure));
@@ -188,7 +190,7 @@ mod tests {
 
     const TICK_S: f64 = 0.005;
 
-    /// Returns the findings about a trial as [`zeroed`] makes it. `pitch_deg`: of the robot.
+    /// Returns the findings about a trial made by [`zeroed`]. `pitch_deg`: pitch of the robot over time.
     fn found(preroll_s: f64, bias_dps: [f64; 3], pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, pitch_deg(t).to_radians(), 0.0);
         zeroed(preroll_s, bias_dps, 0.0..0.0, truth).rest
@@ -232,8 +234,8 @@ mod tests {
         Zeroed::new(&collector.finish("log".as_ref(), records))
     }
 
-    /// A robot that turns by 20 °/s from the start of its run on. Between a reading at rest and one in the turn the yaw is not
-    /// known, and the zero has nothing of it.
+    /// A robot that turns at 20 °/s from the start of its run. Between a reading at rest and one in the turn the yaw is
+    /// unknown, and the zero must not include it.
     #[test]
     fn readings_lost_where_the_run_starts_do_not_move_the_zero() {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, 0.0, 20f64.to_radians() * (t - 20.0).max(0.0));
@@ -272,7 +274,7 @@ mod tests {
         assert_eq!(found(25.0, [0.0; 3], |_| 1.3), []);
     }
 
-    /// With a bias or without one, whether the plan asks for no rest or for less than shows a rate.
+    /// With or without a bias, and with no rest or one too short to show a rate.
     #[test]
     fn run_without_a_rest_or_a_calibration_is_grave() {
         for (preroll_s, z_dps) in [(0.0, 0.0), (0.0, -3.52), (0.13, 1.7), (0.19, 0.0)] {
@@ -288,13 +290,13 @@ mod tests {
             let [short] = found(preroll_s, [0.0, 0.0, -3.52], |_| 1.3).try_into().unwrap();
             assert!(short.text.starts_with(&bias("3.52")) && short.grave, "{short}");
         }
-        // The board was calibrated before, and kept its bias.
+        // The board has kept the bias of an earlier calibration.
         let [kept] = found(2.9, [0.0, 0.0, 0.06], |_| 1.3).try_into().unwrap();
         assert!(kept.text.contains("the drift of about 0.06 °/s is not removed") && !kept.grave, "{kept}");
         assert_eq!(found(25.0, [0.0, 0.0, -3.52], |_| 1.3), []);
     }
 
-    /// A robot that leans by 8 degrees in its run turns by a share of the bias about x.
+    /// A robot that leans by 8 degrees in its run turns due to a share of the bias about x.
     #[test]
     fn bias_about_x_turns_the_yaw_of_a_leaning_robot() {
         for preroll_s in [2.9, 6.7] {

@@ -1,46 +1,47 @@
-//! The tilt of a robot at rest at the input of the board's filter: its noise, and a return to rest.
+//! The noise of a robot's tilt at rest, and its return to rest, both at the input of the board's filter.
 //!
-//! The filter follows the accelerometer with a time constant T, and the gyroscope without delay: θ' = (a - θ)/T + ω. So θ + T θ'
-//! is the accelerometer's tilt, with the gyroscope's noise and bias. Its noise is white where that of the tilt is not, and even a
-//! second tells much of it; a filter that settles is not in it. A robot that returns to rest has θ = A exp(-t/τ), and at the
-//! input (1 - T/τ) of that: a line through the input against that exponential gives A, with its uncertainty.
+//! The filter follows the accelerometer with a time constant T, and the gyroscope without delay: θ' = (a - θ)/T + ω. So
+//! θ + T θ' is the accelerometer's tilt, with the gyroscope's noise and bias. Unlike the tilt's, its noise is white, so
+//! even one second gives a good estimate, and it is free of the filter's settling. A robot that returns to rest has θ =
+//! A exp(-t/τ), and the input is (1 - T/τ) times this: a straight-line fit of the input against the exponential gives
+//! A, with its uncertainty.
 
 use super::blocks::{BLOCK_S, end_of};
 use crate::attitude::Track;
 use std::ops::Range;
 
-/// Length of the means of the input, s, for a filter of 1 s. Over a shorter time the resolution of the attitude counts, which is
-/// 0.0035°.
+/// Length of the means of the input, s, for a filter of 1 s. Over shorter times the attitude's resolution, 0.0035°,
+/// would matter.
 const MEAN_S: f64 = 0.2;
 
-/// Longest rest that is fitted, s: over minutes, what the accelerometer reads changes with its temperature.
+/// Longest fitted rest, s: over minutes, the accelerometer's reading changes with its temperature.
 const LONGEST_S: f64 = 60.0;
 
 /// Shortest time constant of a return, s.
 const SHORTEST_RETURN_S: f64 = 1.0;
 
-/// Number of standard deviations by which the scatter of blocks is above that of white noise in one of thirty rests with white
-/// noise.
+/// Excess scatter of blocks above which noise is not white, standard deviations. White noise exceeds it in one of
+/// thirty rests.
 const SLOW: f64 = 1.9;
 
-/// Least share of a return to rest that is in the input: a filter as slow as the robot hides it.
+/// Smallest share of a return to rest in the input: a filter as slow as the robot hides the return.
 const LEAST_SHARE: f64 = 0.05;
 
 /// Noise and motion of a tilt at rest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct RestFit {
-    /// Variance of a mean of the input times the length of the mean, degrees² s.
+    /// Variance of a mean of the input, times the length of the mean, degrees² s.
     pub density: f64,
     /// Its degrees of freedom.
     pub freedom: f64,
-    /// Tilt of the return to rest that is left in the mean over the zero, degrees, and its standard uncertainty.
+    /// Remaining tilt of the return to rest in the mean over the zero, degrees, and its standard uncertainty.
     pub left_deg: [f64; 2],
 }
 
 impl RestFit {
-    /// Fits a still phase whose last part, `zero`, gives the zero; `None` if it is too short. The board's filter has the time
-    /// constant `filter_s`, the return to rest `return_s`. Early in a long phase the robot may swing: if noise and return do not
-    /// explain the whole of it, its end alone counts.
+    /// Fits a still phase whose last part, `zero`, gives the zero; returns `None` if it is too short. The board's
+    /// filter has the time constant `filter_s`, the return to rest `return_s`. Early in a long phase the robot may
+    /// swing: if noise and return do not explain the whole phase, only its end is fitted.
     pub fn of(tilt: Track, still: &Range<f64>, zero: &Range<f64>, filter_s: f64, return_s: f64) -> Option<Self> {
         let return_s = return_s.max(SHORTEST_RETURN_S);
         let late = (still.end - LONGEST_S).max(still.start)..still.end;
@@ -55,7 +56,7 @@ impl RestFit {
     /// Returns the variance of a mean of the tilt over `length_s`, degrees².
     pub fn variance(&self, length_s: f64, filter_s: f64) -> f64 {
         let lengths = length_s / filter_s;
-        // The filter smooths, too.
+        // The filter reduces the noise further.
         self.density / length_s * (1.0 + (-lengths).exp_m1() / lengths)
     }
 }
@@ -92,7 +93,7 @@ impl Input {
         if groups < 3 {
             return None;
         }
-        // Per degree of the mean over the zero.
+        // Per degree of the return's mean over the zero.
         let middle = 0.5 * (zero.start + zero.end);
         let share = (1.0 - self.filter_s / return_s).abs().max(LEAST_SHARE)
             / mean_of_return(zero.end - zero.start, return_s)
@@ -109,10 +110,10 @@ impl Input {
         let left_deg = along / spread;
         let off: Vec<f64> =
             returns.iter().zip(&self.means).map(|(part, (_, mean))| mean - y - left_deg * (part - x)).collect();
-        // Level and amount are fitted.
+        // Level and amplitude are fitted.
         let scatter = |of: f64, length_s: f64, count: f64| (of * length_s / (count - 2.0), count - 2.0);
         let own = scatter(off.iter().map(|off| off * off).sum(), self.mean_s, count);
-        // What flickers or walks is more than its white noise over a longer time.
+        // Over longer times, flicker and random walk exceed the white noise.
         let of_group = |part: &[f64]| (part.iter().sum::<f64>() / group as f64).powi(2);
         let slow = scatter(off.rchunks_exact(group).map(of_group).sum(), group as f64 * self.mean_s, groups as f64);
         let is_white = slow.0 <= own.0 * (1.0 + SLOW * (2.0 / slow.1).sqrt());
@@ -122,7 +123,7 @@ impl Input {
     }
 }
 
-/// Returns the mean of exp(-t/τ) over a time around 0.
+/// Returns the mean of exp(-t/τ) over an interval centred on 0.
 fn mean_of_return(length_s: f64, return_s: f64) -> f64 {
     let half = 0.5 * length_s / return_s;
     half.sinh() / half
@@ -141,7 +142,7 @@ mod tests {
     const STILL_S: f64 = 20.0;
     const RUN_S: f64 = 30.0;
     const ZERO: Range<f64> = 10.0..STILL_S;
-    /// Standard deviation of the tilt that the accelerometer reads, degrees: 400 µg/√Hz up to 100 Hz.
+    /// Standard deviation of the accelerometer's tilt, degrees: 400 µg/√Hz up to 100 Hz.
     const NOISE_DEG: f64 = 0.23;
 
     fn normal(seed: u64, i: usize) -> f64 {
@@ -149,9 +150,9 @@ mod tests {
         (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
     }
 
-    /// Returns the tilt of the board's filter over a rest and a run in which the robot is upright. `return_deg`: of the robot at
-    /// time 10 s; it returns with `return_s`. `slow_deg`: standard deviation of an offset of the accelerometer that walks back in
-    /// 8 s.
+    /// Returns the tilt of the board's filter over a rest and a run in which the robot is upright. `return_deg`: tilt
+    /// of the robot at 10 s, which decays with `return_s`; `slow_deg`: standard deviation of a slow offset of the
+    /// accelerometer, correlated over 8 s.
     fn tilt(seed: u64, return_deg: f64, return_s: f64, slow_deg: f64) -> Columns<1> {
         let left = |time: f64| if time < STILL_S { return_deg * (-(time - ZERO.start) / return_s).exp() } else { 0.0 };
         let (mut columns, mut filtered, mut slow) = (Columns::default(), 0.0, 0.0);
@@ -161,15 +162,15 @@ mod tests {
             slow += slow_deg * (2.0 * DT / 8.0).sqrt() * normal(seed + 5000, i) - DT / 8.0 * slow;
             filtered += DT * (slow + NOISE_DEG * normal(seed, i) - filtered);
             if i >= settling {
-                // To the resolution of the wire.
+                // Rounded to the resolution of the telemetry.
                 columns.push(time, [((filtered + left(time)) / 0.0035).round() * 0.0035]);
             }
         }
         columns
     }
 
-    /// Returns the share of intervals that contain the error of a run's mean, the standard deviation of the errors and the
-    /// median of the ±, degrees.
+    /// Returns the share of intervals that contain the error of a run's mean, the standard deviation of the errors and
+    /// the median uncertainty, degrees.
     fn covered(return_deg: f64, return_s: f64, slow_deg: f64) -> (f64, f64, f64) {
         let seeds = 100;
         let (mut inside, mut squares, mut stated) = (0, 0.0, Vec::new());
@@ -201,7 +202,7 @@ mod tests {
         assert!((0.8..1.25).contains(&(known / squares)), "{known}, {squares}");
     }
 
-    /// A motion too small to be seen for certain is in the ± all the same.
+    /// The uncertainty includes motions that are too small to detect.
     #[test]
     fn intervals_contain_what_is_left_of_a_small_motion() {
         for return_s in [3.0, 7.0, 12.0, 45.0] {
@@ -214,11 +215,11 @@ mod tests {
         }
     }
 
-    /// Something moves the robot after the recorder's wait, which bounds the motion that the wait leaves, and nothing else.
+    /// The robot is disturbed after the recorder's wait, whose bound only covers the motion remaining from before.
     #[test]
     fn robot_that_is_touched_after_a_wait_has_a_wider_interval() {
         let return_s = 12.0;
-        // The rate is bounded 7 s before the still phase.
+        // The bound on the rate dates from 7 s before the still phase.
         let righting = Righting { time_constant_s: return_s, waited: Some([-7.0, 0.008]) };
         let covered = |touched_s: f64, by_deg: f64| {
             let touch = |time: f64| {
@@ -252,7 +253,7 @@ mod tests {
         }
     }
 
-    /// Where a motion would be seen, or be over, little is added for it.
+    /// If a motion would be detected, or be over, it adds little uncertainty.
     #[test]
     fn rest_without_a_motion_has_little_more_than_its_noise() {
         for (return_s, most) in [(3.0, 2.2), (7.0, 2.4), (12.0, 3.0)] {

@@ -1,4 +1,4 @@
-//! The error of the zero from a tilt that still returns to rest: an exponential with the time constant of the robot.
+//! The error of the zero due to a tilt that is still returning to rest exponentially, with the robot's time constant.
 
 use super::data::Data;
 use biflag_log::RestMeta;
@@ -6,7 +6,7 @@ use sim::params::Robot;
 use sim::return_to_rest::TimeConstants;
 use std::ops::Range;
 
-/// Longest time constant, s: a tilt that hardly anything brings back changes no faster over a rest of a minute.
+/// Longest time constant, s: with longer ones, a tilt hardly changes over a rest of a minute.
 const LONGEST_S: f64 = 600.0;
 
 /// The return of the tilt to rest before a run.
@@ -14,13 +14,13 @@ const LONGEST_S: f64 = 600.0;
 pub(super) struct Righting {
     /// Its time constant, s.
     pub time_constant_s: f64,
-    /// When the recorder's wait for a still robot ended, s, and the bound on the rate of the tilt then, °/s; `None` if it did
-    /// not wait, or for too short a time to tell.
+    /// End of the recorder's wait for a still robot, s, and the bound on the rate of the tilt at that time, °/s; `None`
+    /// if it did not wait, or too briefly for a bound.
     pub waited: Option<[f64; 2]>,
 }
 
 impl Righting {
-    /// Returns that of a trial whose robot has these time constants.
+    /// Returns the righting in a trial of a robot with these time constants.
     pub fn of(data: &Data, constants: Option<TimeConstants>) -> Self {
         let waited = |rest: &RestMeta| Some([rest.waited_s, rest.tilt_dps?]);
         let waited = data.records.rest.as_ref().and_then(waited);
@@ -28,8 +28,8 @@ impl Righting {
         Self { time_constant_s: tilt_s.min(LONGEST_S), waited }
     }
 
-    /// Returns the standard deviation of the tilt that the wait may have left in the mean over `zero`, degrees; 0 without a
-    /// wait.
+    /// Returns the standard deviation of the tilt that may remain after the wait in the mean over `zero`, degrees; 0
+    /// without a wait.
     pub fn left_deg(self, zero: &Range<f64>) -> f64 {
         let tau = self.time_constant_s;
         // The bound is two standard deviations.

@@ -1,8 +1,7 @@
-//! The scatter of repeats beside their budget: whether trials at the same speeds differ by as much as their uncertainties
-//! say.
+//! Compares the scatter of repeats with their budget: trials at the same speeds should differ by as much as their
+//! uncertainties state.
 //!
-//! Errors that all trials of a sensor have in common do not scatter, so that the scatter is compared with the part of the
-//! budget that is of the trial alone.
+//! Errors common to all trials of a sensor do not scatter, so only the trial's own part of the budget is compared.
 
 use super::budget::Budget;
 use super::data::Data;
@@ -10,7 +9,7 @@ use super::zero::Zeroed;
 use crate::statistics::variance_ratio;
 use serde::Serialize;
 
-/// Ends of the interval of a scatter by chance.
+/// Quantiles that bound a scatter explained by chance.
 const CHANCE: [f64; 2] = [0.025, 0.975];
 
 /// A measured trial as one of several at its speeds.
@@ -19,11 +18,11 @@ pub struct Repeat {
     /// Name of the trial.
     pub name: String,
     speeds_rpm: [f64; 2],
-    /// The motor that reverses, and when.
+    /// The reversing motor, and the time.
     reverse: Option<(u8, f64)>,
     /// Steady yaw, pitch and roll, degrees.
     angles_deg: [f64; 3],
-    /// The causes of their uncertainty that are of the trial alone; `None` where they are unknown.
+    /// The trial's own causes of their uncertainty; `None` if they are unknown.
     own: [Option<Budget>; 3],
 }
 
@@ -51,11 +50,11 @@ pub struct Repeats {
     pub w1_rpm: f64,
     /// Speed of flagellum 2.
     pub w2_rpm: f64,
-    /// The motor that reverses, and when, s from the start of the run.
+    /// The motor that reverses, and the time of the reversal, s from the start of the run.
     pub reverse: Option<(u8, f64)>,
     /// Names of the trials.
     pub trials: Vec<String>,
-    /// The scatter of yaw, pitch and roll; without those whose uncertainty is unknown in a trial.
+    /// The scatter of yaw, pitch and roll, without angles whose uncertainty is unknown in any trial.
     pub angles: Vec<Scatter>,
 }
 
@@ -66,23 +65,23 @@ pub struct Scatter {
     pub angle: &'static str,
     /// Standard deviation of the steady angle between the trials.
     pub scatter_deg: f64,
-    /// Standard uncertainty of the steady angle in one trial, without what is common to all trials of the sensor.
+    /// Standard uncertainty of the steady angle in one trial, without errors common to all trials of the sensor.
     pub budget_deg: f64,
-    /// The scatter of so few repeats, in 95 of 100 sets, if the budget is right.
+    /// Range of the scatter of this many repeats in 95 of 100 sets, if the budget is right.
     pub by_chance_deg: [f64; 2],
-    /// What follows.
+    /// The judgement.
     pub judgement: Judgement,
 }
 
-/// Whether repeats scatter as their budget says.
+/// Judgement of the scatter of repeats.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgement {
-    /// They do.
+    /// As large as the budget.
     AsBudget,
-    /// More: something changes between the trials that the budget does not contain.
+    /// Larger: something changes between the trials that the budget does not contain.
     More,
-    /// Less: the budget is too large.
+    /// Smaller: the budget is too large.
     Less,
 }
 
@@ -137,7 +136,7 @@ impl Repeats {
 }
 
 impl Scatter {
-    /// Returns the judgement as a sentence about the angle; `None` if the scatter is as it should be.
+    /// Returns the judgement as a sentence about the angle; `None` if the scatter agrees with the budget.
     pub fn remark(&self) -> Option<String> {
         let [low, high] = self.by_chance_deg;
         let angle = self.angle;

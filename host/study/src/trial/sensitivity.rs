@@ -1,21 +1,22 @@
-//! How errors of the sensor become errors of yaw, pitch and roll: the derivative by each error, over a trial.
+//! Sensitivities of yaw, pitch and roll to errors of the sensor: the derivative with respect to each error, over a
+//! trial.
 //!
-//! One pass over the attitudes integrates them, to first order in the errors. Let u be up in the sensor's axes, z its value at
-//! rest, where the trial has its zero, ω the rate, and τ the time constant of the board's filter, which follows gravity.
+//! One pass over the attitudes integrates them, to first order in the errors. Let u be up in the sensor's axes, z its
+//! value at rest (the trial's zero), ω the rate, and τ the time constant with which the board's filter follows gravity.
 //!
 //! - Gyroscope, yaw: an error δω of the rate turns the estimated attitude by ∫ R δω dt. Gravity corrects the horizontal part;
 //!   the vertical part, ∫ u · δω dt, remains. With δω_i = m ω_j it is m ∫ u_i dθ_j, and with δω_i = g (u_j - z_j), the change
-//!   of a sensitivity to gravity since rest, g ∫ u_i (u_j - z_j) dt. The coning of a wobbling robot is in these integrals:
-//!   they need not be those of its yaw.
-//! - Gyroscope, tilt: up, as the filter knows it, turns at u × δω, and returns to that of the accelerometer with τ.
-//! - Accelerometer: an error of the force at rest is part of the zero; what changes with the tilt, S (u - z) for a matrix S of
-//!   errors, is followed with τ.
-//! - Mounting by a small rotation μ: the rotation about the vertical is wrong by (u - z) · μ, and up by (u - z) × μ. The
-//!   lean at rest, z × μ, is removed as an offset of the accelerometer, which the filter follows with τ in the world, while
-//!   the gyroscope turns the sensor at once: up is wrong by the difference of both besides.
+//!   of a sensitivity to gravity since rest, g ∫ u_i (u_j - z_j) dt. These integrals include the coning of a wobbling
+//!   robot, so they may differ from its yaw.
+//! - Gyroscope, tilt: the filter's up turns at u × δω, and returns to the accelerometer's up with τ.
+//! - Accelerometer: an error of the force at rest is part of the zero. The filter follows the change with the tilt, S
+//!   (u - z) for a matrix S of errors, with τ.
+//! - Mounting by a small rotation μ: the rotation about the vertical is wrong by (u - z) · μ, and up by (u - z) × μ.
+//!   The lean at rest, z × μ, is removed as an offset of the accelerometer. The filter follows this offset with τ in
+//!   the world, while the gyroscope turns the sensor immediately, so up is also wrong by the difference of the two.
 //!
-//! What the filter follows is integrated in the world's axes, e' = (a - e)/τ, so that it is right in a turn that begins or
-//! ends.
+//! The quantities that the filter follows are integrated in the world's axes, e' = (a - e)/τ, which is also correct
+//! while a turn begins or ends.
 
 use super::causes::SENSOR_ERRORS;
 use crate::attitude::Columns;
@@ -23,19 +24,19 @@ use crate::sensor::PARAMETERS;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Derivatives of yaw, pitch and roll by each of a sensor's errors ([`crate::sensor::Sensor::parameters`]) and of the board's
-/// clock, degrees per unit.
+/// Derivatives of yaw, pitch and roll with respect to each of a sensor's errors ([`crate::sensor::Sensor::parameters`])
+/// and the board's clock, degrees per unit.
 pub(super) type Sensitivity = [[f64; SENSOR_ERRORS]; 3];
 
 const COLUMNS: usize = 3 * SENSOR_ERRORS;
 
-/// Shortest interval between rows, s. A robot turns once in 0.7 s or more.
+/// Shortest interval between rows, s. One turn of a robot takes 0.7 s or more.
 const INTERVAL_S: f64 = 0.05;
 
 /// The derivatives over a trial.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities {
-    /// Yaw, then pitch, then roll, by each error.
+    /// Of yaw, then pitch, then roll, for each error.
     columns: Columns<COLUMNS>,
     /// Time constant of the board's filter, s.
     filter_s: f64,
@@ -45,22 +46,22 @@ pub(super) struct Sensitivities {
     last: Option<(f64, UnitQuaternion<f64>)>,
 }
 
-/// `[3 i + j]`: by the error of axis i in proportion to j. Leans are changes of up in the world's axes, per unit of an error in
-/// SI.
+/// Integrals. `[3 i + j]`: for the error of axis i in proportion to j. Leans are changes of up in the world's axes, per
+/// unit of an error in SI.
 #[derive(Clone, Debug)]
 struct Integrals {
     /// ∫ u_i dθ_j, degrees.
     turned_deg: [f64; 9],
     /// ∫ u_i (u_j - z_j) dt, s.
     gravity_s: [f64; 9],
-    /// Leans by the gyroscope's rates, by its sensitivity to gravity, and by the accelerometer.
+    /// Leans due to the gyroscope's rates, its sensitivity to gravity, and the accelerometer.
     leans: [[Vector3<f64>; 9]; 3],
-    /// The body's x and y in the world, as the filter follows them.
+    /// The body's x and y in the world, low-passed like the filter's attitude.
     followed: [Vector3<f64>; 2],
 }
 
 impl Sensitivities {
-    /// Begins at rest. `mounting`: the known rotation from the body's to the sensor's axes.
+    /// Starts at rest. `mounting`: the known rotation from the body's to the sensor's axes.
     pub fn new(filter_s: f64, mounting: UnitQuaternion<f64>) -> Self {
         let integrals = Integrals {
             turned_deg: [0.0; 9],
@@ -129,7 +130,7 @@ impl Sensitivities {
             set(i, turned_deg[4 * i], lean(0, i));
             set(21 + i, 0.0, lean(2, i));
             set(33 + i, 0.0, self.mounting * axis * warming_c);
-            // The lean at rest, z × μ, less what the filter follows of it.
+            // The lean at rest, z × μ, minus the part that the filter has followed.
             let lag = match i {
                 0 => Vector3::y() - to_body * followed[1],
                 1 => to_body * followed[0] - Vector3::x(),
@@ -144,12 +145,12 @@ impl Sensitivities {
                 }
             }
         }
-        // A clock that is fast makes all rates too large.
+        // A fast clock makes all rates too large.
         of.iter_mut().for_each(|row| row[PARAMETERS] = row[..3].iter().sum());
         of
     }
 
-    /// Returns the times of the trial.
+    /// Returns the time range of the trial.
     pub fn span(&self) -> Range<f64> {
         self.columns.span()
     }
@@ -170,7 +171,7 @@ impl Sensitivities {
         std::array::from_fn(|angle| std::array::from_fn(|i| of(angle * SENSOR_ERRORS + i)))
     }
 
-    /// Makes the derivatives of the yaw zero at a time.
+    /// Shifts the derivatives of the yaw to be zero at a time.
     #[must_use]
     pub fn with_zero_at(mut self, time_s: f64) -> Self {
         for i in 0..SENSOR_ERRORS {
@@ -181,15 +182,15 @@ impl Sensitivities {
     }
 }
 
-/// Returns degrees of pitch and roll for a small change of up in body axes, which remains a unit vector.
+/// Returns the changes of pitch and roll, degrees, for a small change of up in body axes; up remains a unit vector.
 fn tilt(up: Vector3<f64>, moved: Vector3<f64>) -> [f64; 2] {
     let moved = moved - up * up.dot(&moved);
     let across = up.y * up.y + up.z * up.z;
     [-moved.x / across.sqrt(), (up.z * moved.y - up.y * moved.z) / across].map(f64::to_degrees)
 }
 
-/// Returns the derivatives of pitch and roll by a bias about each axis that was not there at rest, degrees per °/s, at a mean
-/// pitch and roll. The board's filter has the time constant `filter_s`.
+/// Returns the derivatives of pitch and roll with respect to a change of the bias about each axis since the rest,
+/// degrees per °/s, at a mean pitch and roll. `filter_s`: time constant of the board's filter.
 pub(super) fn tilts_by_bias(tilt_deg: [f64; 2], filter_s: f64) -> [[f64; 3]; 2] {
     let [pitch, roll] = tilt_deg.map(f64::to_radians);
     let up = Vector3::new(-pitch.sin(), pitch.cos() * roll.sin(), pitch.cos() * roll.cos());
@@ -217,7 +218,7 @@ mod tests {
         sensitivities.derivatives(motion(seconds), 0.0)
     }
 
-    /// Leans by a pitch of 8° and a roll of -15° within two seconds, and stays.
+    /// Leans to a pitch of 8° and a roll of -15° within two seconds, and stays.
     fn leans(time_s: f64) -> UnitQuaternion<f64> {
         let share = (0.5 * time_s).min(1.0);
         UnitQuaternion::from_euler_angles((-15.0 * share).to_radians(), (8.0 * share).to_radians(), 1.0)
@@ -264,7 +265,7 @@ mod tests {
             (25, Matrix3::new(0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
             (31, Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-4, 0.0)),
         ] {
-            // What is read, less what is read at rest.
+            // The reading minus the reading at rest.
             let seen = up + error * (up - z());
             let read = UnitQuaternion::from_rotation_matrix(&Rotation3::rotation_between(&seen, &up).unwrap());
             let wrong = difference_deg(body * read, body);
@@ -282,7 +283,7 @@ mod tests {
         for k in 0..3 {
             let small = 1e-3;
             let mounting = UnitQuaternion::from_scaled_axis(Vector3::ith(k, small));
-            // Levelling adds what makes the rest upright, and the yaw starts at zero there.
+            // Levelling makes the attitude at rest upright, with a yaw of zero.
             let offset = (upright * mounting).inverse() * z() - z();
             let level = |attitude: UnitQuaternion<f64>| {
                 let up = attitude.inverse() * z();
@@ -297,12 +298,12 @@ mod tests {
         }
     }
 
-    /// While the robot turns, the lean of a mounting is removed where it was a second ago; it is right again when it stops.
+    /// In a turn, the lean of a mounting is removed in the direction of a second ago. The error ends with the turn.
     #[test]
     fn lean_of_a_mounting_is_wrong_in_a_turn_alone() {
         for (time_s, largest_deg) in [(1.0, 2.0), (2.0, 2.0), (12.0, 0.003)] {
             let [_, pitch, roll] = at_end(time_s, starts);
-            // What the filter follows of the body's y, which the mounting about x turns upwards.
+            // The body's y after the filter; the mounting about x turns it upwards.
             let mut followed = starts(0.0) * Vector3::y();
             for i in 1..=(time_s / DT).round() as usize {
                 followed += (starts(i as f64 * DT) * Vector3::y() - followed) * DT;
@@ -314,7 +315,8 @@ mod tests {
         }
     }
 
-    /// A gyroscope that reads of its other axes leans while the robot turns, and the accelerometer brings it back.
+    /// With cross-axis errors of the gyroscope the attitude leans while the robot turns, and the accelerometer brings
+    /// it back.
     #[test]
     fn errors_of_the_rates_lean_as_the_filter_does() {
         for time_s in [0.5, 2.0, 6.0] {
@@ -331,7 +333,7 @@ mod tests {
         }
     }
 
-    /// A body that leans by 20° and turns about the vertical, while its lean goes round (coning).
+    /// A body that leans by 20° and turns about the vertical, while the direction of its lean rotates (coning).
     #[test]
     fn scale_error_of_a_coning_body_is_that_of_its_rate() {
         let (lean, cone, yaw) = (20_f64.to_radians(), 6.0, 0.1);
@@ -340,7 +342,7 @@ mod tests {
             UnitQuaternion::from_scaled_axis(z() * yaw * t) * UnitQuaternion::from_scaled_axis(axis * lean)
         };
         let mut sensitivities = Sensitivities::new(1.0, UnitQuaternion::identity());
-        // A gyroscope that reads 2 % too much about z, integrated.
+        // The integral of a gyroscope whose rate about z is 2 % too large.
         let mut wrong = 0.0;
         for i in 0..=20_000 {
             let t = f64::from(i) * 1e-3;

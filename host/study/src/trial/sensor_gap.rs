@@ -1,24 +1,25 @@
-//! A time without a reading of the sensor in a run, though the board's frames came: the sensor's wiring or supply failed for a
-//! moment. The board bridges it by the rates before and after and their slopes, and names a fault after 0.2 s.
+//! A gap in the sensor's readings during a run, without a gap in the board's frames: the sensor's wiring or supply
+//! failed for a moment. The board bridges the gap with the rates before and after and their slopes, and reports a fault
+//! after 0.2 s.
 
 use super::data::Data;
 use crate::attitude::Reading;
 use std::ops::Range;
 
-/// Longest time between two readings that does not count, s: a robot that swings by 5 degrees at 90 rpm then turns by up to
-/// 0.05 degrees from where the board puts it.
+/// Longest time between two readings that does not count, s: the board's attitude is then wrong by up to 0.05 degrees
+/// for a robot that swings by 5 degrees at 90 rpm.
 const BRIDGED_S: f64 = 0.14;
 
-/// The same where other readings are missing just before or after it, s: the board then has no slopes.
+/// The same if other readings are missing just before or after the gap, s: the board then has no slopes.
 const BRIDGED_ALONE_S: f64 = 0.05;
 
-/// Readings in a row from which the board takes a slope.
+/// Successive readings from which the board computes a slope.
 const SLOPE_READINGS: usize = 4;
 
 /// Interval of the board's frames, s.
 const FRAME_S: f64 = 0.005;
 
-/// Returns the longest such time after the start of the run.
+/// Returns the longest such gap after the start of the run.
 pub(super) fn longest(data: &Data) -> Option<Range<f64>> {
     let frames = &data.motors.time_s;
     let has_frames = |gap: &Range<f64>| {
@@ -48,7 +49,7 @@ mod tests {
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry};
     use std::path::Path;
 
-    /// A trial of 4 s with a run from 1 s on, and no readings, or no frames, between some times.
+    /// Returns a trial of 4 s with a run from 1 s on, without readings, or without frames, in some gaps.
     fn trial(gaps: &[Range<f64>], has_frames: bool) -> Data {
         let mut collector = Collector::new(Want::default(), FORMAT);
         collector.event(1.0, Kind::Phase, "run");

@@ -19,8 +19,8 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Returns the nodes in the frames that turn with the shafts, where a flagellum changes slowly at any speed. `feet`: of the
-    /// shafts, body axes, m.
+    /// Returns the nodes in the frames that turn with the shafts. In these frames a flagellum changes slowly at any
+    /// speed. `feet`: feet of the shafts, body axes, m.
     pub fn in_shafts(&self, feet: &[Vector3<f64>; 2]) -> [Vec<Vector3<f64>>; 2] {
         [0, 1].map(|k| {
             let shaft = Shaft::new(feet[k], self.turns[k] * TAU);
@@ -29,7 +29,7 @@ impl Shape {
     }
 }
 
-/// A series of at most `most` shapes, by default none. When it is full, every other shape is removed.
+/// A series of at most `most` shapes, by default none. When it is full, it drops every other shape.
 #[derive(Clone, Debug, Default)]
 pub struct Shapes {
     most: usize,

@@ -1,4 +1,4 @@
-//! The zero of the tilt at rest, with its noise and the possible rest of a motion.
+//! The zero of the tilt at rest, with its noise and a possible remaining motion.
 
 use super::blocks::BLOCK_S;
 use super::budget::Term;
@@ -7,12 +7,12 @@ use super::righting::Righting;
 use crate::attitude::Track;
 use std::ops::Range;
 
-/// Share of the rests without a wait that have a motion, before anything is seen of it, and its standard deviation relative to
-/// the uncertainty of what is seen: assumed.
+/// Assumed prior for rests without a wait: share with a motion, and standard deviation of the motion relative to the
+/// uncertainty of its estimate.
 const MOVING: f64 = 2.0 / 3.0;
 const SEEN: f64 = 2.0;
 
-/// Share of the rests in which something moves the robot after the recorder's wait, before anything is seen of it: assumed.
+/// Assumed prior share of rests in which the robot is disturbed after the recorder's wait.
 const TOUCHED: f64 = 0.05;
 
 /// The zero of the tilt at rest.
@@ -20,7 +20,7 @@ const TOUCHED: f64 = 0.05;
 pub(super) struct TiltZero {
     /// Noise and motion of pitch and roll.
     fits: [RestFit; 2],
-    /// Standard deviation of the motion that may be left in pitch and roll, degrees.
+    /// Standard deviation of the motion that may remain in pitch and roll, degrees.
     moved_deg: [f64; 2],
     /// Length of the zero, s.
     zero_s: f64,
@@ -29,8 +29,8 @@ pub(super) struct TiltZero {
 }
 
 impl TiltZero {
-    /// Returns the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; `None` if the phase is
-    /// too short. `filter_s`: time constant of the board's filter.
+    /// Estimates the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; returns `None`
+    /// if the phase is too short. `filter_s`: time constant of the board's filter.
     pub fn of(
         tilts: [Track; 2],
         still: &Range<f64>,
@@ -44,8 +44,8 @@ impl TiltZero {
         Some(Self { fits, moved_deg, zero_s: zero.end - zero.start, filter_s })
     }
 
-    /// Returns the causes of uncertainty of an angle averaged over `window_s`, of which `gradient` are the derivatives by
-    /// pitch and roll.
+    /// Returns the causes of uncertainty of an angle averaged over `window_s`. `gradient`: its derivatives with respect
+    /// to pitch and roll.
     pub fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
         let sum = |u_deg: [f64; 2], freedom: [f64; 2]| {
             let variances = [0, 1].map(|k| (gradient[k] * u_deg[k]).powi(2));
@@ -75,21 +75,21 @@ impl TiltZero {
     }
 }
 
-/// Returns the root of the mean square of the motion that is left in the zero, degrees. The rest tells an estimate of it and its
-/// standard uncertainty. `waited_deg`: standard deviation after the recorder's wait; 0 without one. A wait tells nothing of a robot
-/// that is touched after it.
+/// Returns the root mean square of the remaining motion in the zero, degrees, from its estimate at rest and the
+/// estimate's standard uncertainty. `waited_deg`: standard deviation after the recorder's wait; 0 without one. A wait
+/// gives no bound if the robot is touched afterwards.
 fn moved_deg([estimate, u]: [f64; 2], waited_deg: f64) -> f64 {
     if u == 0.0 {
         return estimate.abs();
     }
-    // Without a motion, or with what the wait may have left, the estimate has this variance.
+    // Variance of the estimate without a motion, or with the motion that may remain after the wait.
     let (usual, share) = if waited_deg > 0.0 { (waited_deg.powi(2), TOUCHED) } else { (0.0, MOVING) };
-    // Rests with another motion have one of several times its uncertainty, or they would tell nothing of it.
+    // Other motions are assumed to exceed the uncertainty several times; smaller ones could not be detected.
     let [usual_variance, other_variance] = [usual + u * u, (1.0 + SEEN * SEEN) * u * u];
     let log_ratio = 0.5 * estimate * estimate * (1.0 / usual_variance - 1.0 / other_variance);
     let is_usual = (1.0 - share) / share * (other_variance / usual_variance).sqrt() * (-log_ratio).exp();
     let moves = 1.0 / (1.0 + is_usual);
-    // The zero keeps the motion: its error is all of it, as far as it is known, and what is not known of it.
+    // The motion is not removed from the zero: the error contains both its estimate and the estimate's uncertainty.
     let known = usual / usual_variance;
     let left = (known * estimate).powi(2) + known * u * u;
     let moved = estimate * estimate + u * u;
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::attitude::Columns;
 
-    /// Returns the zero of a tilt of one degree that returns to rest from time 0 on, and the tilt that is left in it.
+    /// Returns the zero of a tilt of one degree that returns to rest from time 0 on, and the tilt that remains in it.
     fn zero(time_constant_s: f64, still: Range<f64>, over: &Range<f64>) -> (TiltZero, f64) {
         let tilt = |time_s: f64| (-time_s / time_constant_s).exp();
         let mut columns = Columns::<1>::default();

@@ -6,7 +6,7 @@ use biflag_log::Origin;
 /// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
 const GAP_S: f64 = 0.21;
 
-/// Time in which a motor comes up to its speed, and stops, s.
+/// Time in which a motor reaches its speed, or stops, s.
 const STARTING_S: f64 = 1.0;
 
 /// Shortest run that can be compared with a model, s.
@@ -74,7 +74,7 @@ impl Data {
         })
     }
 
-    /// Checks the encoders, whose angles drive the model. Returns what differs from the plan.
+    /// Checks the encoders, whose angles drive the model. Returns the differences from the plan.
     pub(super) fn encoders(&self) -> Result<Vec<String>, Unusable> {
         let run = &self.times.run;
         let row = |time: f64| self.motors.time_s.partition_point(|t| *t < time).min(self.motors.len() - 1);

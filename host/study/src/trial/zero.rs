@@ -1,11 +1,11 @@
-//! The attitude of a trial relative to its zero: levelled, relative to the still phase before the run, with the drift
-//! of the yaw removed; and its uncertainty.
+//! The attitude of a trial relative to its zero (levelled, relative to the still phase before the run, with the drift
+//! of the yaw removed), and its uncertainty.
 //!
-//! A measured attitude is levelled by the accelerometer's vertical at rest ([`crate::attitude::Level`]), referred to
-//! the mean attitude of the still phase, and corrected for the gyroscope's drift ([`Drift`]). The sensor's filter
-//! delays the attitude, so its times are moved back by that delay. A modelled attitude is exact: the robot starts
-//! upright with a yaw of zero, and there is no gyroscope to drift. An imported attitude is referred to its rest, too; its
-//! errors are those that the import states.
+//! A measured attitude is levelled by the accelerometer's vertical at rest ([`crate::attitude::Level`]), expressed
+//! relative to the mean attitude of the still phase, and corrected for the gyroscope's drift ([`Drift`]). The sensor's
+//! filter delays the attitude, so its times are moved back by that delay. A modelled attitude is exact: the robot
+//! starts upright with a yaw of zero, and there is no gyroscope to drift. An imported attitude is also relative to its
+//! rest; the import states its errors.
 
 use super::angles::{Angles, Steady};
 use super::back_at_zero;
@@ -29,23 +29,23 @@ use sim::trial::means::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Smallest gain of the board's filter that is told from none, 1/s.
+/// Smallest gain of the board's filter distinguished from zero, 1/s.
 const MIN_GAIN: f64 = 0.01;
 
-/// Longest time without readings around the start of the run that hides none of its motion, s.
+/// Longest gap in the readings at the start of the run that hides no motion, s.
 const MAX_GAP_S: f64 = 0.05;
 
 /// Time in which a motor stops and turns the other way, s.
 const REVERSAL_S: f64 = 1.0;
 
-/// The attitude of a trial relative to its zero. Times are those of the log.
+/// The attitude of a trial relative to its zero. Times are on the log's clock.
 #[derive(Clone, Debug)]
 pub struct Zeroed {
     /// Yaw (unwrapped), pitch, roll, degrees.
     pub angles_deg: Columns<3>,
-    /// The zero that was subtracted: yaw, pitch, roll, degrees. All zero for a model.
+    /// The subtracted zero: yaw, pitch, roll, degrees. All zero for a model.
     pub zero_deg: [f64; 3],
-    /// The run.
+    /// Time range of the run, s.
     pub run: Range<f64>,
     /// Time at which the yaw is zero, s.
     pub from_s: f64,
@@ -56,25 +56,25 @@ pub struct Zeroed {
     /// Findings about the still phases.
     pub rest: Vec<Finding>,
     known: Known,
-    /// Whether a finding takes all uncertainties away.
+    /// Whether a finding invalidates all uncertainties.
     is_unsure: bool,
     /// Uncertainty of the yaw at every second; empty if it is unknown.
     yaw_uncertainty_deg: Columns<1>,
 }
 
-/// What is known about the errors of the angles.
+/// The known errors of the angles.
 #[derive(Clone, Debug)]
 enum Known {
     /// A model has none.
     Exact,
-    /// Those of the board's sensor.
+    /// Errors of the board's sensor.
     Sensor(Box<Errors>),
-    /// Those that an import states; `None` if it states none.
+    /// Errors that an import states; `None` if it states none.
     Stated(Option<Stated>),
 }
 
 impl Zeroed {
-    /// Computes the attitude of a trial. `after` is the time in which the robot may be still again.
+    /// Computes the attitude of a trial. `after` is the time range in which the robot may be still again.
     pub(super) fn with_end(data: &Data, after: Range<f64>) -> Self {
         let mut zeroed = match data.origin() {
             Origin::Model => Self::modelled(data),
@@ -85,7 +85,7 @@ impl Zeroed {
         zeroed
     }
 
-    /// Takes all uncertainties away, or computes that of the yaw over time.
+    /// Removes all uncertainties, or computes the yaw's uncertainty over time.
     pub(super) fn judge(&mut self, is_unsure: bool) {
         self.is_unsure = is_unsure;
         if is_unsure {
@@ -123,8 +123,8 @@ impl Zeroed {
         let run = data.times.run.clone();
         let readings = levelled(data);
         let first = readings.first().map_or(0.0, |(time, _)| *time);
-        // If readings are lost around the start of the run, the still phase ends with the last one: between that and the next
-        // one lies a motion, of which the zero must contain nothing.
+        // If readings are lost around the start of the run, the still phase ends with the last one before the gap: the
+        // robot moves during the gap, and the zero must not include this motion.
         let started = gap_at(&readings, run.start).filter(|gap| gap.end - gap.start > MAX_GAP_S);
         let rest_end = started.as_ref().map_or(run.start, |gap| gap.start);
         let still = data.times.preroll.start.max(first).min(rest_end)..rest_end;
@@ -137,14 +137,14 @@ impl Zeroed {
         };
         let tilt = if data.times.has_run() { mean(&readings, &tilt_over) } else { None };
         let zero = Euler::of(&tilt.unwrap_or_default());
-        // The sensor is mounted askew in the body: measured = true * askew. The zero of the yaw is not part of it.
+        // The sensor is mounted askew in the body: measured = true * askew. The zero of the yaw is not part of `askew`.
         let askew = UnitQuaternion::from_euler_angles(zero.roll_deg.to_radians(), zero.pitch_deg.to_radians(), 0.0);
         let mut series = Series::new(data.settings().is_some_and(|settings| settings.attitude_ki != 0.0));
         for (time, reading) in &readings {
             let q = (rotation(reading.attitude) * askew.inverse()).into_inner();
             series.push(*time, &Reading { attitude: [q.w, q.i, q.j, q.k], ..*reading });
         }
-        // A calibration in which the board moved is not used.
+        // A calibration during which the board moved is not used.
         let is_calibrated = data.records.calibration.as_ref().is_none_or(|calibration| calibration.still);
         let calibrate_s = if is_calibrated { data.trial().calibrate_s } else { 0.0 };
         let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
@@ -202,8 +202,8 @@ impl Zeroed {
         }
     }
 
-    /// The zero is the mean attitude of the last second before the run. Without it, the yaw is zero where the run starts,
-    /// and pitch and roll are those of the table.
+    /// The zero is the mean attitude of the last second before the run. Without it, the yaw is zero at the start of the
+    /// run, and pitch and roll are the table's.
     fn imported(data: &Data) -> Self {
         let run = data.times.run.clone();
         let still = data.times.preroll.start.max(run.start - START_S)..run.start;
@@ -261,7 +261,7 @@ impl Zeroed {
         self.angles_deg.at(time_s)
     }
 
-    /// Returns the part of the run in which there are angles.
+    /// Returns the part of the run with angles.
     pub fn seen_run(&self) -> Range<f64> {
         let span = self.span();
         self.run.start.max(span.start)..self.run.end.min(span.end)
@@ -292,7 +292,7 @@ impl Zeroed {
         })
     }
 
-    /// Returns the steady end of the run. For a model it is computed by the solver, from every step.
+    /// Returns the steady end of the run. For a model, the solver has computed it from every step.
     fn steady(&self, data: &Data) -> Option<Steady> {
         let run = self.seen_run();
         if run.end <= run.start {
@@ -316,7 +316,7 @@ impl Zeroed {
         let own = data.records.steady.as_ref().filter(|_| self.is_model());
         let (angles_deg, settled, settle_s, window) = match own {
             Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
-                // With the method `steady` the log has the last part of the stretch.
+                // With the method `steady`, the log contains the last part of the averaging window.
                 let window = (self.run.end - window_s).max(self.run.start)..self.run.end;
                 let settle_s = (*settled && kind.is_none()).then_some(*settle_s);
                 ([*yaw_deg, *pitch_deg, *roll_deg], *settled, settle_s, window)
@@ -337,8 +337,8 @@ impl Zeroed {
         })
     }
 
-    /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a known
-    /// bias, and where a finding takes it away.
+    /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a
+    /// known bias, or if a finding invalidates it.
     pub fn yaw_budget(&self, time_s: f64) -> Option<Budget> {
         match &self.known {
             _ if self.is_unsure => None,
@@ -348,10 +348,10 @@ impl Zeroed {
         }
     }
 
-    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; as [`Self::yaw_budget`].
+    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time, like [`Self::yaw_budget`].
     pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
         match &self.known {
-            // A zero that is no rest, for one, has no uncertainty that could be stated.
+            // For instance, no uncertainty can be stated for a zero without a rest.
             _ if self.is_unsure => None,
             Known::Exact => Some(Default::default()),
             Known::Sensor(errors) => errors.tilts(&self.angles_deg, over),
@@ -359,13 +359,13 @@ impl Zeroed {
         }
     }
 
-    /// Returns the 95 % uncertainty of the yaw at a time, degrees, for curves: interpolated between seconds. 0 for a model,
-    /// `None` where [`Self::yaw_budget`] is.
+    /// Returns the 95 % uncertainty of the yaw at a time, degrees, interpolated between seconds for curves; 0 for a
+    /// model, `None` if [`Self::yaw_budget`] is `None`.
     pub fn yaw_uncertainty(&self, time_s: f64) -> Option<f64> {
         self.yaw_uncertainty_deg.track(0).at(time_s)
     }
 
-    /// Returns the 95 % uncertainty of mean pitch and roll over a time, degrees; as [`Self::yaw_uncertainty`].
+    /// Returns the 95 % uncertainty of mean pitch and roll over a time, degrees, like [`Self::yaw_uncertainty`].
     pub fn tilt_uncertainty(&self, over: &Range<f64>) -> Option<[f64; 2]> {
         let [pitch, roll, _] = self.tilt_budgets(over)?;
         Some([pitch.uncertainty_deg(), roll.uncertainty_deg()])
@@ -382,8 +382,8 @@ impl Zeroed {
         }
     }
 
-    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of a length around times; exact for a model, `None` as
-    /// for [`Self::yaw_budget`].
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; exact for a
+    /// model, `None` as for [`Self::yaw_budget`].
     pub(crate) fn over_time(&self, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
         match &self.known {
             _ if self.is_unsure => None,
@@ -393,12 +393,12 @@ impl Zeroed {
         }
     }
 
-    /// Returns the drift that was removed from the yaw at a time, degrees.
+    /// Returns the drift removed from the yaw at a time, degrees.
     pub fn yaw_drift(&self, time_s: f64) -> f64 {
         self.drift().map_or(0.0, |drift| drift.at(time_s))
     }
 
-    /// Returns the drift of the yaw; `None` without a still phase, and for a model.
+    /// Returns the drift of the yaw; `None` without a still phase, or for a model.
     pub fn drift(&self) -> Option<&Drift> {
         match &self.known {
             Known::Sensor(errors) => errors.drift.as_ref(),
@@ -413,7 +413,7 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     let settings = data.settings();
     let delay_s = settings.map_or(0.0, |settings| LOW_PASS[usize::from(settings.low_pass).min(LOW_PASS.len() - 1)].1);
     let mut readings = data.readings[data.calibrated..].to_vec();
-    // What is known of the mounting turns as the body does; the filter follows none of it.
+    // The known mounting turns with the body; the filter does not follow it.
     let mounting = data.sensor().mounting();
     let level = level_of(data).map(|level| level.turned(mounting));
     let begun = data.phases.iter().find(|(name, _)| name == "run").map(|(_, start)| *start);
@@ -421,7 +421,7 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     let mut leveller = level.map(|level| Leveller::new(&level, settings.unwrap_or_default().attitude_kp.into()));
     for (time, reading) in &mut readings {
         let attitude = rotation(reading.attitude) * mounting.inverse();
-        // At rest the bias has passed the filter.
+        // At rest the filter has settled on the bias.
         let is_moving = *time > run_s - 1e-6;
         let q = match (&mut leveller, &level) {
             (Some(leveller), _) if is_moving => leveller.levelled(attitude, *time),
@@ -435,13 +435,13 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     readings
 }
 
-/// Returns the level that is removed from the attitude, if there is one.
+/// Returns the level removed from the attitude, if there is one.
 fn level_of(data: &Data) -> Option<Level> {
     let level = data.records.level.as_ref().filter(|level| level.used)?;
     Some(Level { up: Vector3::from(level.up), force_g: level.force_g })
 }
 
-/// Returns the interval of the readings that contains a time; from the last one to it if none follows.
+/// Returns the interval between the readings around a time, or from the last reading to that time.
 fn gap_at(readings: &[(f64, Reading)], time_s: f64) -> Option<Range<f64>> {
     let after = readings.partition_point(|(time, _)| *time <= time_s);
     let last = readings[..after].last()?.0;

@@ -1,8 +1,8 @@
 //! Compares experiment and model: replay, comparison, calibration.
 //!
 //! A recorded trial is [replayed](replay()): its measured speeds drive a model with the parameters of its robot. Then
-//! both are [compared](compare()) on a common clock and from a common zero, with the drift of the yaw removed and the
-//! uncertainty of the measurement. If the robot's parameters are wrong, they can be
+//! both are [compared](compare()) on a common clock and from a common zero, without the drift of the yaw, and within
+//! the uncertainty of the measurement. If the robot's parameters are wrong, they can be
 //! [calibrated](calibrate::calibrate()).
 
 pub mod calibrate;

@@ -1,8 +1,8 @@
 //! Replays recorded trials in the simulator: their measured speeds drive a model with the parameters of their robot.
 //!
 //! Replays are written to a separate session beside the recorded one, with the same names. An existing replay of the
-//! same log with the same model is used again; others are moved into its folder `attempts`, so that the plain name is
-//! always the one that was used last.
+//! same log with the same model is reused; others are moved into its folder `attempts`, so that the plain name always
+//! belongs to the last one used.
 
 use super::{Skipped, Source, TwinError, replay_folder, speeds};
 use crate::plan::{Phase, Plan, RobotFile, Schedule, Trial};
@@ -21,13 +21,13 @@ use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// Sampling rate of replays to compare with. The fastest wobble takes half a second.
+/// Sampling rate of replays for comparisons, Hz. The fastest wobble takes half a second.
 pub const REPLAY_HZ: f64 = 20.0;
 
 /// Settings of a replay.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The closure; `None` for that of the log's model, or `full` if the log has no model.
+    /// The closure; `None` for the closure of the log's model, or `full` if the log has no model.
     pub closure: Option<Closure>,
     /// A robot's file to use instead of the parameters in the logs.
     pub robot: Option<RobotFile>,
@@ -56,8 +56,8 @@ pub struct Replayed {
     pub wall_s: Option<f64>,
     /// Findings about the recording.
     pub findings: Vec<Finding>,
-    /// Whether the result depends on the helix angles, which the encoders do not measure: they count from the start of
-    /// the board.
+    /// Whether the result depends on the helix angles. The encoders do not measure them, because they count from the
+    /// start of the board.
     pub needs_phase: bool,
 }
 
@@ -100,8 +100,8 @@ enum Outcome<T> {
 }
 
 /// Replays all trials of a source into a session, using replays that already exist. A trial whose log cannot be used is
-/// skipped, unless it is the only one. As each replay ends, its `line` is printed and `then` is called with it and its
-/// recording, which is read once, with the optional parts in `want`.
+/// skipped, unless it is the only one. As each replay ends, prints its `line` and calls `then` with the replay and its
+/// recording. Each recording is read once, with the optional parts in `want`.
 ///
 /// # Errors
 /// [`TwinError`]; a failure of the solver is returned in the replay's result instead.
@@ -209,7 +209,7 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
     Ok(Prepared { model, course, findings, needs_phase })
 }
 
-/// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after the phase.
+/// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after its phase.
 fn course(data: &Data, trial: &Trial) -> Result<Course, TwinError> {
     let own = |(name, start_s): &(String, f64)| {
         let phase = Phase::of_name(name).filter(|phase| ![Phase::Run, Phase::End].contains(phase))?;
@@ -253,7 +253,7 @@ fn cached_replay(
     Ok(None)
 }
 
-/// Computes a replay in the place of older ones.
+/// Computes a replay, after moving older ones away.
 fn compute(
     batch: &Batch,
     session: &Session,

@@ -1,5 +1,5 @@
-//! The replays of a trial in their session: the one that was used last has the plain name, and the others, of other models
-//! or of earlier recordings, are in the folder `attempts`.
+//! The replays of a trial in their session. The last one used has the plain name; the others, of other models or of
+//! earlier recordings, are in the folder `attempts`.
 
 use crate::plan::Trial;
 use crate::session::{Session, SessionError};
@@ -19,7 +19,7 @@ pub(super) fn all(session: &Session, trial: &Trial) -> Result<Vec<PathBuf>, Sess
     Ok(logs)
 }
 
-/// Gives a replay the plain name, and moves the others away; returns its path.
+/// Gives a replay the plain name, and moves the others away; returns the replay's path.
 pub(super) fn put_first(session: &Session, trial: &Trial, log: &Path) -> Result<PathBuf, SessionError> {
     let plain = plain(session, trial);
     if log == plain {
@@ -32,7 +32,7 @@ pub(super) fn put_first(session: &Session, trial: &Trial, log: &Path) -> Result<
     Ok(plain)
 }
 
-/// Moves all replays of a trial into the folder of the older ones.
+/// Moves all replays of a trial into the folder of older replays.
 pub(super) fn retire(session: &Session, trial: &Trial) -> Result<(), SessionError> {
     let older = session.folder().join(ATTEMPTS);
     for attempt in session.state(trial)?.attempts {
@@ -50,7 +50,7 @@ fn numbered(older: &Path, trial: &Trial, number: u32) -> PathBuf {
     older.join(format!("{}.attempt{number}.mcap", trial.name))
 }
 
-/// Returns the number after the largest one that is in use.
+/// Returns the number after the largest one in use.
 fn free_number(older: &Path, trial: &Trial) -> Result<u32, SessionError> {
     let entries = match std::fs::read_dir(older) {
         Ok(entries) => entries,

@@ -1,9 +1,9 @@
-//! Whether recordings are of one sensor, so that its errors are the same in all of them: for comparisons and for fits.
+//! Identifies the sensor of a recording. Recordings of one sensor share its errors, in comparisons and in fits.
 
 use crate::trial::Data;
 use protocol::units::AxisMap;
 
-/// What the errors of a sensor depend on: the part, its axes in the body, and what was measured of it.
+/// Everything that determines the errors of a sensor: the device, its axes in the body, and its measured errors.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(super) struct SensorKey {
     /// 0 for a board that was never numbered.
@@ -12,12 +12,12 @@ pub(super) struct SensorKey {
     axes: Option<[AxisMap; 2]>,
     /// The sensor's file.
     measured: Option<String>,
-    /// The errors of an emulated sensor: boards of any number may have it.
+    /// The errors of an emulated sensor, which may be on boards with any number.
     emulated: Option<Vec<f64>>,
 }
 
 impl SensorKey {
-    /// Returns that of a recording; `None` for a model and for an imported trial.
+    /// Returns the key of a recording; `None` for a model or an imported trial.
     pub fn of(data: &Data) -> Option<Self> {
         let errors = data.records.sensor.as_ref().map(|sensor| {
             [
@@ -40,19 +40,19 @@ impl SensorKey {
         })
     }
 
-    /// Returns that of a board with a number.
+    /// Returns the key of a board with a number.
     #[cfg(test)]
     pub fn of_board(board_id: u16) -> Self {
         Self { board_id, ..Self::default() }
     }
 
-    /// Returns whether both are of one part, whatever was measured of it, as far as the boards are numbered.
+    /// Returns whether both are the same device, whatever its measured errors. Boards without a number count as one.
     pub fn is_of_board(&self, other: &Self) -> bool {
         self.board_id == other.board_id && self.emulated == other.emulated
     }
 
-    /// Returns whether a recording of another session is of the same sensor for certain. Boards that were never numbered may
-    /// be two.
+    /// Returns whether a recording of another session is certainly from the same sensor. Boards without numbers may be
+    /// different.
     pub fn is_certainly(&self, other: &Self) -> bool {
         self == other && (self.board_id != 0 || self.emulated.is_some())
     }
@@ -75,7 +75,7 @@ mod tests {
         assert!(!measured.is_certainly(&key(3, None)), "what is left of the errors differs");
     }
 
-    /// Two files of an emulated sensor may be used with one seed.
+    /// Two different files of an emulated sensor may have the same seed.
     #[test]
     fn emulated_sensors_are_told_apart_by_their_errors() {
         let of = |gyro_scale: [f64; 3], seed: u64| {

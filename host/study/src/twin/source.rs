@@ -38,7 +38,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// Finds the logs of a session, or makes a source of one log.
+    /// Finds the logs of a session, or creates a source from one log.
     ///
     /// # Errors
     /// [`TwinError::Session`], [`TwinError::Log`], [`TwinError::Plan`], [`TwinError::Unusable`].

@@ -1,8 +1,8 @@
 //! Converts encoder readings to smooth speeds for the model.
 //!
 //! The angle of an encoder is exact to a count and does not drift, but the speed between two counts is noisy. Therefore
-//! a quadratic spline is fitted to the angle; its derivative is linear between the spline's knots, as a
-//! [`SpeedProfile`] is. Knots are close in time where the motors start and stop and far apart in between, so that noise
+//! a quadratic spline is fitted to the angle; its derivative is linear between the spline's knots, like a
+//! [`SpeedProfile`]. Knots are close together while the motors start and stop, and far apart in between, so that noise
 //! is averaged and the solver gets a smooth speed.
 
 use super::TwinError;
@@ -27,7 +27,7 @@ const STIFFNESS: f64 = 1e-3;
 /// motion of the base as they sag decays in 11 s. Modelled trials begin in the same way.
 const REST_S: f64 = 40.0;
 
-/// Largest first speed that is noise of an encoder at rest, rpm.
+/// Largest initial speed that counts as noise of an encoder at rest, rpm.
 const MOVING_RPM: f64 = 0.5;
 
 /// Resolution of the board's clock, s.
@@ -86,15 +86,15 @@ fn build(data: &Data, readings: &[Turns], rest_from_s: Option<f64>) -> Result<Sp
     })
 }
 
-/// Returns the run without the part of a microsecond by which it may end after the last reading: the board's clock counts
-/// microseconds, and that of a model's phases nanoseconds. A run that begins after the last reading is empty.
+/// Returns the run without the fraction of a microsecond by which it may end after the last reading: the board's clock
+/// counts microseconds, and a model's phases count nanoseconds. A run that begins after the last reading is empty.
 fn within(run: &Range<f64>, readings: &[Turns]) -> Range<f64> {
     let last = readings.last().map_or(run.end, |(time, _)| *time);
     let end = if run.end - last < CLOCK_S { run.end.min(last) } else { run.end };
     if run.start < last { run.start..end } else { last..last }
 }
 
-/// Returns knots with which both splines are within the tolerance. One knot is at the start of the run.
+/// Returns knots that keep both splines within the tolerance. One knot is at the start of the run.
 fn knots(turns: &[Turns], run_start: f64) -> Vec<f64> {
     let (Some((start, _)), Some((end, _))) = (turns.first(), turns.last()) else { return Vec::new() };
     let mut knots = if run_start > *start { even(*start, run_start) } else { vec![*start] };
@@ -290,7 +290,7 @@ mod tests {
         assert_eq!(within(&(0.0..30.000_000_000_000_004), &readings), 0.0..30.0);
         assert_eq!(within(&(1.0..29.5), &readings), 1.0..29.5);
         assert_eq!(within(&(1.0..30.9), &readings), 1.0..30.9, "a part of the run without readings is not left out");
-        // As many knots as seconds up to the run would fill the memory.
+        // One knot per second up to the run would fill the memory.
         assert!(within(&(1e10..2e10), &readings).is_empty());
     }
 

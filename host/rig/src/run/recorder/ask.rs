@@ -1,4 +1,4 @@
-//! Asks the board while a trial runs: what comes until it answers is recorded.
+//! Sends requests during a trial, and records everything that arrives before the answer.
 
 use super::{Frame, Recorder, first_failure};
 use crate::link::LinkError;
@@ -7,18 +7,18 @@ use protocol::units::Micros;
 use protocol::{Calibration, Command, Reply, ResetCause};
 use std::time::{Duration, Instant};
 
-/// Longest time that a frame is held back while an answer is awaited. Together with the flush interval of the log it is
-/// less than the half second of data that may be lost.
+/// Longest time that a frame is held back while waiting for an answer. Together with the flush interval of the log it
+/// is less than the half second of data that may be lost.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
-/// Interval at which an awaited answer is looked for, that of the link's thread.
+/// Polling interval for an answer, the same as in the link's thread.
 const ANSWER_POLL: Duration = Duration::from_millis(2);
 
-/// Longest wait for a frame with the motors off, which follows the stop by a tick.
+/// Longest wait for a frame with the motors off. It follows the stop by one tick.
 const OFF_TIMEOUT: Duration = Duration::from_millis(100);
 
 impl Recorder<'_> {
-    /// Asks for the board's clock; returns it unwrapped. To be called after [`Recorder::begin`].
+    /// Requests the board's clock and returns it unwrapped. Must be called after [`Recorder::begin`].
     pub(in crate::run) fn board_now_us(&mut self) -> Result<u64, RecordError> {
         match self.ask(Command::Ping)? {
             Reply::Pong(now) => Ok(self.begun_us + u64::from(now.since(Micros(self.begun_us as u32)))),
@@ -26,7 +26,7 @@ impl Recorder<'_> {
         }
     }
 
-    /// Sends a request that is answered with [`Reply::Done`].
+    /// Sends a request answered with [`Reply::Done`].
     pub(in crate::run) fn command(&mut self, command: Command) -> Result<(), RecordError> {
         match self.ask(command)? {
             Reply::Done => Ok(()),
@@ -48,7 +48,7 @@ impl Recorder<'_> {
         Ok(answer?)
     }
 
-    /// Sends a request. Returns the answer, and the first failure in what came meanwhile, which is recorded: a board that
+    /// Sends a request. Returns the answer, and the first failure of the events recorded meanwhile: a board that
     /// answers late must not delay the log. The exchange itself is logged when the link reports it.
     pub(in crate::run) fn exchange(&mut self, command: Command) -> (Result<Reply, LinkError>, Result<(), RecordError>) {
         let asked = match self.link.send(command) {
@@ -60,7 +60,7 @@ impl Recorder<'_> {
             if let Some(answer) = self.link.answer(&asked) {
                 return (answer, meanwhile);
             }
-            // Only a schedule that has started has phases.
+            // Phases above zero show that the schedule has started.
             let has_started = self.waiting.back().is_some_and(|frame| frame.telemetry.phase > 0);
             if matches!(command, Command::StartSchedule { .. }) && has_started {
                 return (Ok(Reply::Done), meanwhile);
@@ -70,8 +70,8 @@ impl Recorder<'_> {
         }
     }
 
-    /// Records what comes within `timeout` while an answer is awaited. Frames wait for those who follow the phases, but
-    /// no longer than the log can.
+    /// Records events that arrive within `timeout` while waiting for an answer. Frames wait for the code that follows
+    /// the phases, but no longer than the log allows.
     fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
         let mut outcome = match self.link.next(timeout) {
             Some(received) => self.take_frame(received),
@@ -83,7 +83,7 @@ impl Recorder<'_> {
         outcome.and(Ok(self.trial.log.tick()?))
     }
 
-    /// Waits for a frame with both motors off, so that a log that ends early shows when they were.
+    /// Waits for a frame with both motors off, so a log that ends early shows when they stopped.
     pub(in crate::run) fn hear_off(&mut self) -> Result<(), RecordError> {
         let begun = Instant::now();
         while self.is_driven && begun.elapsed() < OFF_TIMEOUT {
@@ -95,7 +95,7 @@ impl Recorder<'_> {
     /// Takes the next frame if it has waited for too long.
     fn overdue(&mut self) -> Option<Frame> {
         let next = self.pending.as_ref().or(self.waiting.front())?;
-        // A wall clock that is set back makes it overdue as well.
+        // If the wall clock is set back, the frame is overdue, too.
         let is_fresh = next.host.elapsed().is_ok_and(|age| age < LONGEST_WAIT);
         if is_fresh || self.recorded_phase.is_none_or(|last| next.telemetry.phase > last) {
             return None;

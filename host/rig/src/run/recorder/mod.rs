@@ -22,7 +22,7 @@ use study::trial::DAMAGED_FRAME;
 pub struct Frame {
     /// Microseconds since the board's start.
     pub board_us: u64,
-    /// When it was received, on the host's clock.
+    /// Time of reception, on the host's clock.
     pub host: SystemTime,
     /// The frame.
     pub telemetry: Telemetry,
@@ -37,7 +37,7 @@ pub(super) enum Keep {
     Answers,
 }
 
-/// Returns the first of two failures; a fault takes precedence, because it explains more.
+/// Returns the first of two failures, except that a fault takes precedence, because it explains more.
 pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), RecordError>) -> Result<(), RecordError> {
     match (&first, &next) {
         (Err(RecordError::Faulted(_)), _) => first,
@@ -60,9 +60,10 @@ pub(super) struct Recorder<'a> {
     truth: Option<TruthRecorder<'a>>,
     /// The first frame of the next phase, already received.
     pending: Option<Frame>,
-    /// Frames after it that came while an answer was awaited.
+    /// Later frames that arrived while waiting for an answer.
     waiting: VecDeque<Frame>,
-    /// The last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    /// The last phase whose frames are recorded while waiting for an answer; `None` while frames do not belong to the
+    /// trial.
     recorded_phase: Option<u8>,
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
@@ -73,7 +74,7 @@ pub(super) struct Recorder<'a> {
     reached_us: Option<u64>,
     pings: PingClock,
     state: (State, Fault),
-    /// Whether a motor was driven in the last frame that came.
+    /// Whether a motor was driven in the last received frame.
     is_driven: bool,
 }
 
@@ -106,14 +107,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Starts the telemetry and begins the trial with the first frame that has a fresh reading of the sensor, which
-    /// takes a moment to start after new settings. A sensor that does not start causes a fault. The trial of a
-    /// simulated robot begins at a sample of its shape, so that its samples do not depend on the start of the
-    /// telemetry. Returns the board's clock at this frame, µs.
+    /// Starts the telemetry and begins the trial with the first frame that has a fresh reading. The sensor takes a
+    /// moment to start after new settings. A sensor that does not start causes a fault. The trial of a simulated robot
+    /// begins at a sample of its shape, so its samples do not depend on the start of the telemetry. Returns the board's
+    /// clock at this frame, µs.
     ///
     /// Earlier telemetry is discarded: another program may have left the board streaming.
     pub(super) fn begin(&mut self) -> Result<u64, RecordError> {
-        // What comes meanwhile may be from before a restart of the board, on another clock.
+        // Events that arrive meanwhile may come from before a restart of the board, with another clock.
         let (stopped, _) = self.exchange(Command::Stream { rate_hz: 0 });
         stopped?;
         match self.exchange(Command::ClearFault).0 {
@@ -141,7 +142,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Discards the frames before the tick at `start_us`, so that the trial begins there.
+    /// Discards the frames before the tick at `start_us`, so the trial begins at that tick.
     pub(super) fn skip_to(&mut self, start_us: u64) -> Result<(), RecordError> {
         loop {
             let frame = self.pending_or_next()?;
@@ -157,8 +158,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns it.
-    /// `ends` is also given the readout of the frames before.
+    /// Records until `ends` returns `true` for a frame. Returns this frame, which belongs to the next phase. `ends`
+    /// also receives the readout of the earlier frames.
     pub(super) fn record_until(
         &mut self,
         mut ends: impl FnMut(&Frame, &Readout) -> bool,
@@ -180,7 +181,7 @@ impl<'a> Recorder<'a> {
         Ok(frame)
     }
 
-    /// Returns whether a frame has arrived that is not recorded yet.
+    /// Returns whether an unrecorded frame has arrived.
     pub(super) fn has_frame(&mut self) -> Result<bool, RecordError> {
         while self.pending.is_none() && self.waiting.is_empty() {
             match self.link.next(Duration::ZERO) {
@@ -201,8 +202,8 @@ impl<'a> Recorder<'a> {
         &self.readout
     }
 
-    /// Counts the frames that are missing between the last one and the tick at `end_us`, which ends the trial. The frame
-    /// after them is not of the trial.
+    /// Counts the missing frames between the last one and the tick at `end_us`, which ends the trial. The frame after
+    /// them does not belong to the trial.
     pub(super) fn end_at(&mut self, end_us: u64) -> Result<(), RecordError> {
         let (Some(first), Some(last_us)) = (&self.pending, self.reached_us) else { return Ok(()) };
         if self.monitor.is_next(&first.telemetry) {
@@ -221,7 +222,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Returns the time of the tick in which a phase began, given the first frame with its number. `planned_us` is the
-    /// tick of the schedule, for frames that were lost.
+    /// tick in the schedule, which is used if frames were lost.
     fn tick_of(&self, first: &Frame, planned_us: u64) -> u64 {
         let is_late = first.board_us > planned_us + TICK_US / 2;
         if is_late && !self.monitor.is_next(&first.telemetry) { planned_us } else { first.board_us }
@@ -237,7 +238,7 @@ impl<'a> Recorder<'a> {
         self.rested_us = rested_us;
     }
 
-    /// Records an event; a telemetry frame waits.
+    /// Records an event; queues a telemetry frame.
     fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
         if let Some((telemetry, host)) = self.take(received)? {
             let board_us = self.clock.unwrap(telemetry.time).ok_or(RecordError::ClockJumped(None))?;
@@ -247,7 +248,8 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Sets the last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    /// Sets the last phase whose frames are recorded while waiting for an answer; `None` while frames do not belong to
+    /// the trial.
     pub(super) fn record_meanwhile(&mut self, last_phase: Option<u8>) {
         self.recorded_phase = last_phase;
     }
@@ -271,7 +273,8 @@ impl<'a> Recorder<'a> {
         Ok(self.trial.event(kind, text, SystemTime::now())?)
     }
 
-    /// Records what the frame that ended the previous phase begins; `planned_us` is its tick in the schedule.
+    /// Records the event that begins with the frame that ended the previous phase; `planned_us` is its tick in the
+    /// schedule.
     pub(super) fn change(&mut self, kind: EventKind, text: &str, planned_us: u64) -> Result<(), RecordError> {
         if let Some(frame) = &self.pending {
             let tick_us = self.tick_of(frame, planned_us);
@@ -284,7 +287,7 @@ impl<'a> Recorder<'a> {
     /// frames that the board sent in the meantime.
     ///
     /// # Errors
-    /// The first failure, after all is recorded; a fault before others.
+    /// The first failure, after everything is recorded; a fault takes precedence.
     pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
         let mut outcome = Ok(());
         while let Some(received) = self.link.next(Duration::ZERO) {
@@ -303,7 +306,8 @@ impl<'a> Recorder<'a> {
         outcome
     }
 
-    /// Returns whether the shape of a simulated robot is sampled in this frame's tick; true without a simulated robot.
+    /// Returns whether the shape of a simulated robot is sampled in this frame's tick; `true` without a simulated
+    /// robot.
     fn is_sampled(&mut self, frame: &Frame) -> Result<bool, RecordError> {
         self.truth.as_mut().map_or(Ok(true), |truth| Ok(truth.has_shape_in(frame.board_us)?))
     }
@@ -316,8 +320,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Records the ground truth up to the frame that ended the trial, so that the number of samples does not depend on
-    /// their times relative to the frames.
+    /// Records the ground truth up to the frame that ended the trial, so the number of samples does not depend on their
+    /// times relative to the frames.
     pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
         if let Some(end) = &self.pending {
             self.reached_us = self.reached_us.max(end.board_us.checked_sub(1));
@@ -373,7 +377,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Records an event. A telemetry frame is returned instead, with the time at which it was received.
+    /// Records an event, or returns a telemetry frame with its time of reception.
     fn take(&mut self, received: Received) -> Result<Option<(Telemetry, SystemTime)>, RecordError> {
         let Received { wall: host, at, event } = received;
         match event {

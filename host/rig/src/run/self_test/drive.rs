@@ -6,25 +6,24 @@ use protocol::units::Duty;
 use protocol::{Command, Fault, MAX_DRIVE_MS, State, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;
 
-/// Time before a drive whose readings are compared with those of the drive, s.
+/// Time before a drive that provides reference readings, s.
 const BEFORE_S: f64 = 0.1;
 
-/// Duration without motion of both encoders after which the motors count as at rest, s.
+/// The motors count as at rest after this time without motion of either encoder, s.
 const REST_S: f64 = 0.15;
 
 /// Longest wait for the motors to come to rest, s.
 const REST_TIMEOUT_S: f64 = 3.0;
 
-/// Length of the windows in each of which a steady motion moves the encoder, s.
+/// Window length, s. A steady motion moves the encoder in every window.
 const WINDOW_S: f64 = 0.1;
 
-/// Number of changes of an encoder's position above which it alternates rather than trembles.
+/// Smallest number of changes of an encoder's position that counts as alternation, rather than trembling.
 const ALTERNATIONS: u32 = 10;
 
 /// A board whose motors can be driven open-loop.
 pub trait Drive {
-    /// Drives one motor (0 or 1) and lets it come to rest. Returns the frames shortly before the drive and those of the
-    /// drive.
+    /// Drives one motor (0 or 1) and lets it come to rest. Returns the frames shortly before and during the drive.
     ///
     /// # Errors
     /// [`RecordError`] if the link fails, the board has a fault, or the user interrupts.
@@ -34,9 +33,9 @@ pub trait Drive {
 /// The frames of a drive.
 #[derive(Clone, Debug, Default)]
 pub struct Driven {
-    /// Motors at rest before it.
+    /// Frames at rest before the drive.
     pub before: Vec<Telemetry>,
-    /// The drive.
+    /// Frames during the drive.
     pub during: Vec<Telemetry>,
 }
 
@@ -51,13 +50,13 @@ pub struct Board<'a> {
 impl Drive for Board<'_> {
     fn drive(&mut self, motor: usize, duty: i16, duration_ms: u16) -> Result<Driven, RecordError> {
         match self.link.command(Command::ClearFault) {
-            // The cause lasts; the first frame names the fault.
+            // The cause persists; the first frame will state the fault.
             Ok(()) | Err(LinkError::Refused { .. }) => {}
             Err(error) => return Err(error.into()),
         }
         self.link.command(Command::Stream { rate_hz: TICK_HZ })?;
         let driven = self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS));
-        // Whatever failed, the motors are off and the stream does not fill the memory while the user reads.
+        // After any failure, turn the motors off, and keep the stream from filling memory while the user reads.
         self.link.command(Command::Stop)?;
         stream::end(self.link)?;
         driven
@@ -101,14 +100,14 @@ fn frames(seconds: f64) -> usize {
     (seconds * f64::from(TICK_HZ)) as usize
 }
 
-/// What a drive showed.
+/// The response to a drive.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Response {
     /// Encoders 1 and 2.
     pub encoders: [Travel; 2],
-    /// Mean of the gyroscope in the drive less that before it, counts, sensor axes.
+    /// Mean of the gyroscope during the drive minus the mean before it, counts, sensor axes.
     pub gyro: [f64; 3],
-    /// Edges that were too close to be motion.
+    /// Number of edges too close together to be motion.
     pub glitches: u16,
 }
 
@@ -117,11 +116,11 @@ pub struct Response {
 pub struct Travel {
     /// Net counts.
     pub counts: i32,
-    /// Frames in which the position changed.
+    /// Number of frames in which the position changed.
     pub changes: u32,
-    /// Whether it moved all the time after the start, in one direction.
+    /// Whether it moved continuously after the start, in one direction.
     pub is_steady: bool,
-    /// Mean speed in the second half, counts a second.
+    /// Mean speed in the second half, counts per second.
     pub rate: f64,
 }
 
@@ -147,7 +146,7 @@ impl Travel {
         let positions: Vec<i32> = frames_.iter().map(|frame| frame.encoder[motor].0).collect();
         let (Some(first), Some(last)) = (positions.first(), positions.last()) else { return Self::default() };
         let counts = last.wrapping_sub(*first);
-        // The first window is that of the start.
+        // The first window contains the start.
         let window = frames(WINDOW_S);
         let steps = positions.chunks(window).map(|window| window[0]).skip(1).collect::<Vec<_>>();
         let is_steady = steps.len() >= 3
@@ -176,7 +175,7 @@ impl Travel {
 }
 
 /// Returns the least-squares slope of the positions, counts per frame. The board may count the latest edges only in the
-/// next frame, so a difference of the first and the last position could be off by up to seven counts.
+/// next frame, so the difference between the first and the last position could be wrong by up to seven counts.
 fn slope(positions: &[i32]) -> f64 {
     let middle = (positions.len() as f64 - 1.0) / 2.0;
     let (mut products, mut squares) = (0.0, 0.0);

@@ -21,11 +21,10 @@ const STEP_MS: u16 = 400;
 /// Duration of the drive at full duty, ms.
 const FULL_MS: u16 = 800;
 
-/// Least difference of the gyroscope between both directions of a motor that shows that the motor turns, degrees a
-/// second.
+/// Smallest gyroscope difference between both directions that shows that the motor turns, degrees per second.
 const GYRO_EVIDENCE_DPS: f64 = 0.5;
 
-/// What the test found about a motor and its encoder.
+/// Finding about a motor and its encoder.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Finding {
     /// The encoder counts in the direction of the duty.
@@ -37,7 +36,7 @@ pub enum Finding {
         /// Forwards.
         forwards: bool,
     },
-    /// The encoder counts in one direction whatever the duty.
+    /// The encoder counts in one direction for any duty.
     SameWay,
     /// The direction of the encoder changes from edge to edge: its channel C2 is dead.
     DirectionDead,
@@ -49,27 +48,27 @@ pub enum Finding {
     EdgesDead,
     /// Nothing moves.
     Still,
-    /// The board stopped the test for a fault, which may be one of the other motor ([`motor_of`]).
+    /// The board stopped the test due to a fault, possibly of the other motor ([`motor_of`]).
     Faulted(Fault),
 }
 
 impl Finding {
-    /// Returns whether motor and encoder work, once the settings name their directions.
+    /// Returns whether motor and encoder work, once the settings have the right directions.
     pub fn is_usable(self) -> bool {
         matches!(self, Self::Agrees | Self::Opposes)
     }
 }
 
-/// The result for one motor. Directions are forwards, backwards.
+/// The result for one motor. Arrays contain forwards, then backwards.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct MotorTest {
-    /// What is right or wrong.
+    /// The finding.
     pub finding: Finding,
     /// The lowest duty of the ramp at which the motor turns steadily.
     pub moving_duty: [Option<u8>; 2],
     /// Speed at full duty without its sign, rpm.
     pub full_rpm: [f64; 2],
-    /// Edges of both encoders that were too close to be motion.
+    /// Number of edges of both encoders too close together to be motion.
     pub glitches: u32,
 }
 
@@ -86,7 +85,7 @@ impl MotorTest {
     }
 }
 
-/// Tests both motors; `progress` is told what is about to happen.
+/// Tests both motors; `progress` receives a description of each step before it starts.
 ///
 /// # Errors
 /// [`RecordError`] if the board cannot be driven.
@@ -105,7 +104,8 @@ pub fn run(
     Ok([test(0)?, test(1)?])
 }
 
-/// Returns the motor (0 or 1) that a fault is of, or its encoder; `None` for other faults, which end the whole test.
+/// Returns the motor (0 or 1) to which a fault, or the fault's encoder, belongs; `None` for other faults, which end the
+/// whole test.
 pub fn motor_of(fault: Fault) -> Option<usize> {
     match fault {
         Fault::Motor1Stalled
@@ -183,16 +183,16 @@ fn judge(motor: usize, full: &[Response; 2], counts_per_dps: f64) -> Finding {
     }
 }
 
-/// Returns half the difference of the angular rate between both directions: the reaction to a motor changes its sign with
-/// the duty, and a slow motion of the robot does not.
+/// Returns half the difference between the angular rates in both directions: the reaction to a motor changes sign with
+/// the duty, but a slow motion of the robot does not.
 fn gyro_change_dps(full: &[Response; 2], counts_per_dps: f64) -> f64 {
     let [forwards, backwards] = full;
     let square: f64 = (0..3).map(|axis| (forwards.gyro[axis] - backwards.gyro[axis]).powi(2)).sum();
     0.5 * square.sqrt() / counts_per_dps
 }
 
-/// Returns the settings that correct the directions of a motor. `turns_forwards` is what the user saw: whether a positive
-/// duty turns the flagellum counter-clockwise seen from above. Without it the motor is taken to turn the right way.
+/// Returns the settings that correct the directions of a motor. `turns_forwards`: whether the user saw a positive duty
+/// turn the flagellum counter-clockwise, seen from above. With `None`, the motor is assumed to turn the right way.
 pub fn correction(settings: Settings, motor: usize, finding: Finding, turns_forwards: Option<bool>) -> Settings {
     let mut corrected = settings;
     let turns_forwards = turns_forwards.unwrap_or(true);

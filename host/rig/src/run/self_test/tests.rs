@@ -2,7 +2,7 @@ use super::*;
 use protocol::units::{EncoderCounts, SensorCounts};
 use protocol::{State, TICK_HZ, Telemetry};
 
-/// Two motors and encoders with every way to wire them wrong.
+/// Two motors and encoders that can be wired wrong in every way.
 #[derive(Clone, Copy)]
 struct Robot {
     settings: Settings,
@@ -10,7 +10,7 @@ struct Robot {
     motor_leads: [bool; 2],
     /// Whether the encoder's channels are swapped: it counts against the flagellum.
     channels: [bool; 2],
-    /// The flagellum that each bridge turns.
+    /// The flagellum turned by each bridge.
     turns: [usize; 2],
     /// The bridges' supply.
     powered: bool,
@@ -18,11 +18,11 @@ struct Robot {
     direction_dead: [bool; 2],
     /// Duty below which the motor does not turn.
     dead_zone: [i16; 2],
-    /// Whether the motors turn forwards, backwards.
+    /// Whether the motors can turn forwards, backwards.
     ways: [bool; 2],
     position: [f64; 2],
     glitches: u16,
-    /// Heat of a motor that does not turn, as the board adds it up without cooling: seconds at full duty.
+    /// Heat of a blocked motor, as summed by the board without cooling: seconds at full duty.
     heat_s: [f64; 2],
 }
 
@@ -44,7 +44,7 @@ impl Robot {
         }
     }
 
-    /// The direction in which a positive duty turns the flagellum of a motor, seen from above.
+    /// Returns whether a positive duty turns the flagellum of a motor forwards, seen from above.
     fn forwards(&self, motor: usize) -> bool {
         !(self.motor_leads[motor] ^ self.settings.motor_reversed[motor])
     }
@@ -81,7 +81,7 @@ impl Drive for Robot {
             assert!(self.heat_s[motor] < 2.0, "the board may refuse the self-test");
         }
         let duty = if self.forwards(motor) { duty } else { -duty };
-        // 1305 counts a second at full duty are 130 rpm.
+        // 1305 counts per second at full duty are 130 rpm.
         let rate = if turns { 1305.0 * f64::from(duty) / 255.0 } else { 0.0 };
         let during = (0..u32::from(duration_ms) / 5)
             .map(|_| {
@@ -128,8 +128,8 @@ fn each_wrong_wire_has_its_finding() {
     assert_eq!(findings(jammed), [Agrees, Still]);
 }
 
-/// Whatever the leads and the settings, the corrected settings make a positive target turn the flagellum counter-clockwise
-/// and the encoder count up; without the user's eye they make at least the encoder agree with the duty.
+/// For any leads and settings, the corrected settings make a positive target turn the flagellum counter-clockwise and
+/// the encoder count up; without the user's observation they at least make the encoder agree with the duty.
 #[test]
 fn corrections_make_every_wiring_right() {
     for bits in 0..16 {

@@ -19,7 +19,7 @@ pub struct Job<'a> {
     pub course: Course,
     /// The model that computes it.
     pub model: &'a Model,
-    /// The plan for its log: that of the session, possibly with another robot.
+    /// The plan for its log: the session's plan, possibly with another robot.
     pub plan: &'a Plan,
 }
 
@@ -34,7 +34,7 @@ pub struct Batch<'a> {
     simulated_ms: AtomicU64,
 }
 
-/// A trial that was computed.
+/// A computed trial.
 #[derive(Debug)]
 pub struct ModelRun {
     /// The trial.
@@ -53,8 +53,9 @@ impl<'a> Batch<'a> {
         Self { session, progress, interrupted, simulated_ms: AtomicU64::new(0) }
     }
 
-    /// Computes trials on `threads` threads and returns them in the plan's order. As each trial ends, its `line` is
-    /// printed. If the solver fails in one trial, the others are still computed. Interrupted trials are left out.
+    /// Computes trials on `threads` threads and returns them in the plan's order. Prints each trial's `line` when the
+    /// trial ends. If the solver fails in one trial, the others are still computed. The result leaves out interrupted
+    /// trials.
     ///
     /// # Errors
     /// If a log cannot be written, or a trial cannot be started.
@@ -69,8 +70,7 @@ impl<'a> Batch<'a> {
             result => Some(result),
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(ModelError::Threads)?;
-        // A bridge hands out the trials one by one, so that an interruption leaves the first trials of the plan
-        // complete.
+        // A bridge hands out the trials one by one, so an interruption leaves the first trials of the plan complete.
         let runs: Result<Vec<_>, _> = pool.install(|| jobs.iter().par_bridge().filter_map(one).collect());
         let mut runs = runs?;
         runs.sort_by_key(|run| run.trial.index);

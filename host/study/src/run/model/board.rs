@@ -1,6 +1,6 @@
 //! The board of a modelled robot: readings of an ideal sensor and ideal encoders, in the board's counts.
 //!
-//! Speeds are those of the shafts, duty cycles are zero because the model has no motor drive, and no reading is late or
+//! Speeds are the shafts' speeds, duty cycles are zero because the model has no motor drive, and no reading is late or
 //! lost. The sensor is on the robot's axis at the bottom of the base and measures gravity and its own acceleration.
 
 use crate::plan::Setpoint;
@@ -12,7 +12,7 @@ use sim::params::Robot;
 use sim::trial::sample::Sample;
 use std::f64::consts::{PI, TAU};
 
-/// Temperature of a fluid that is specified by its viscosity, °C.
+/// Temperature of a fluid specified by its viscosity only, °C.
 const ROOM_C: f64 = 20.0;
 
 /// The sensor, the encoders and the clock.

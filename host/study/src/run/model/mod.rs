@@ -1,8 +1,8 @@
-//! Runs trials in the simulator, with the same logs as those of the rig.
+//! Runs trials in the simulator, and writes the same logs as the rig.
 //!
-//! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so that a killed
-//! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan,
-//! robot, options and program: trials share nothing that changes a result, and no log contains the host's clock (see
+//! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so a killed run
+//! leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan, robot,
+//! options and program: trials share nothing that changes a result, and no log contains the host's clock (see
 //! [`biflag_log`]). The last digits may differ between processor types.
 
 mod batch;
@@ -43,7 +43,7 @@ pub struct Model {
     /// Settings of the robot's board.
     settings: Settings,
     meta: ModelMeta,
-    /// Inverses that its trials share.
+    /// Inverses shared by its trials.
     at_rest: InversesAtRest,
 }
 

@@ -1,5 +1,5 @@
-//! The motion that a modelled trial records: the trial from its start, or with [`Method::Steady`] the last period or window
-//! of the motion that it ends in.
+//! The motion that a modelled trial records: the whole trial, or with [`Method::Steady`] the last period or window of
+//! its final motion.
 
 use super::Model;
 use biflag_log::{Method, SteadyMeta};
@@ -12,22 +12,22 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::sample::Sample;
 use std::vec;
 
-/// A motion, as an iterator over its samples. Their times are those of the record.
+/// A motion, as an iterator over its samples. Times are from the start of the record.
 pub struct Motion(Source);
 
 enum Source {
-    /// A trial, which is computed as its samples are taken.
+    /// A trial, computed while its samples are taken.
     Trial(Box<Trial>),
-    /// A steady state, which was solved for.
+    /// A solved steady state.
     Steady { solved: Box<Periodic>, samples: vec::IntoIter<Sample> },
 }
 
 impl Motion {
-    /// Returns the motion of a trial with this profile. With [`Method::Steady`] its motors turn at `rpm` from the angles
-    /// `start_rad` on.
+    /// Returns the motion of a trial with this profile. With [`Method::Steady`] its motors turn at `rpm`, starting at
+    /// the angles `start_rad`.
     ///
     /// # Errors
-    /// Those of [`steady::solve`], and [`SolveError::Parameter`] for an impossible rate.
+    /// The errors of [`steady::solve`], and [`SolveError::Parameter`] for an impossible rate.
     pub fn new(
         model: &Model,
         profile: &SpeedProfile,
@@ -54,7 +54,7 @@ impl Motion {
         }))
     }
 
-    /// Returns the duration of what is recorded instead of the trial, s.
+    /// Returns the duration of the record if it replaces the whole trial, s.
     pub fn duration_s(&self) -> Option<f64> {
         match &self.0 {
             Source::Trial(_) => None,
@@ -62,7 +62,7 @@ impl Motion {
         }
     }
 
-    /// Returns the time that was simulated before the first sample is taken, s.
+    /// Returns the simulated time before the first sample, s.
     pub fn simulated_s(&self) -> f64 {
         match &self.0 {
             Source::Trial(_) => 0.0,
@@ -86,7 +86,7 @@ impl Iterator for Motion {
 
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.0 {
-            // After the last sample the steady state is that of the whole run.
+            // Finish the run, so that the steady state covers all of it.
             Source::Trial(trial) => match trial.next() {
                 None => trial.finish().err().map(Err),
                 sample => sample,

@@ -1,13 +1,13 @@
-//! The motors of a rig in the model: they follow the angles of their targets.
+//! The rig's motors in the model. They follow the angles of their targets.
 
 use serde::{Deserialize, Serialize};
 
-/// Time for which a motor falls behind the angle of a target that jumps, s. Then it is faster than the target until it has made
-/// that up: the board's motors follow an angle. On the emulated board flagella that start to 50 rpm fall behind for 0.35 s,
-/// those that start to 10 rpm for 0.27 s.
+/// Time for which a motor falls behind after its target speed jumps, s. Then it turns faster than the target until it
+/// has caught up, because the board's motors follow an angle. On the emulated board, flagella that start to 50 rpm fall
+/// behind for 0.35 s, and flagella that start to 10 rpm for 0.27 s.
 pub const MOTOR_S: f64 = 0.33;
 
-/// A motor that is slower than its target by less than this follows it, rad/s: a hundredth of a turn in a minute.
+/// A motor follows its target if its speed differs by less than this, rad/s: a hundredth of a turn in a minute.
 const FOLLOWS: f64 = 1e-3;
 
 /// The motors of both flagella.
@@ -15,15 +15,16 @@ const FOLLOWS: f64 = 1e-3;
 pub struct Motors {
     /// Speeds of the shafts, rad/s.
     speeds: [f64; 2],
-    /// How far the shafts are behind the angles of their targets, rad.
+    /// Angles by which the shafts lag behind their targets, rad.
     behind: [f64; 2],
 }
 
 impl Motors {
-    /// Turns towards speeds (rad/s) for some time, at most 0.1 s: the speeds change linearly. Returns those at its end, rad/s.
+    /// Turns towards speeds (rad/s) for some time, at most 0.1 s, with speeds that change linearly. Returns the speeds
+    /// at the end, rad/s.
     ///
-    /// A shaft follows the angle of its target with critical damping: with e, how far it is behind, e'' + 2 e'/T + e/T² = 0
-    /// while the target lasts.
+    /// A shaft follows the angle of its target with critical damping: its lag e obeys e'' + 2 e'/T + e/T² = 0 while the
+    /// target is constant.
     pub fn turn(&mut self, target: [f64; 2], passed_s: f64) -> [f64; 2] {
         let left = (-passed_s / MOTOR_S).exp();
         for ((speed, behind), target) in self.speeds.iter_mut().zip(&mut self.behind).zip(target) {
@@ -31,7 +32,7 @@ impl Motors {
             let slower = target - before;
             let share = (slower + *behind / MOTOR_S) * passed_s / MOTOR_S;
             *speed = target - (slower - share) * left;
-            // As the motion has it, whose speeds are linear.
+            // Integrates the lag with linear speeds.
             *behind += (target - 0.5 * (before + *speed)) * passed_s;
         }
         self.speeds

@@ -12,7 +12,7 @@ use std::fmt;
 /// The steady state of a pair of speeds over its starting phases.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct PhaseMeans {
-    /// The speeds, and the repeat where there are several, such as `w1+90_w2+90`.
+    /// The speeds, and the repeat if there are several, such as `w1+90_w2+90`.
     pub name: String,
     /// Speed of flagellum 1.
     pub w1_rpm: f64,
@@ -30,7 +30,7 @@ pub struct PhaseMeans {
 }
 
 impl PhaseMeans {
-    /// Returns the means over the steady states of a trial's starting phases, of which there is at least one.
+    /// Returns the means over the steady states of a trial's starting phases. There must be at least one.
     pub fn new(trial: &Trial, phases: &[SteadyMeta]) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         let end = trial.name.rfind("_p").unwrap_or(trial.name.len());
@@ -92,8 +92,8 @@ impl fmt::Display for PhaseMeans {
     }
 }
 
-/// Returns a note for the user on the starting phases of modelled trials: their effect if it was computed, else the
-/// trials in which they matter.
+/// Returns a note for the user on the starting phases of modelled trials: their effect if it was computed, otherwise
+/// the trials that depend on them.
 pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a PhaseMeans>) -> Option<String> {
     let widest = |mean: &PhaseMeans| mean.phase_spread_deg.into_iter().fold(0.0, f64::max);
     if let Some(mean) = means.max_by(|a, b| widest(a).total_cmp(&widest(b))) {
@@ -104,7 +104,7 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
             mean.w1_rpm, mean.w2_rpm
         ));
     }
-    // Trials at several phases whose means are not complete yet.
+    // The means of trials at several phases are not complete yet.
     if trials.windows(2).any(|pair| pair[0].is_at_the_phases_of(&pair[1])) {
         return None;
     }
@@ -119,8 +119,8 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
     })
 }
 
-/// Returns a note for the user on trials that are recorded from angles of the flagella that the board does not know, if they
-/// depend on them.
+/// Returns a note for the user if recorded trials depend on the flagella's starting angles and the board does not know
+/// them.
 pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
     let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
     let cure = "`biflag align` makes them known, then `phases = 8` in [trial] measures means and spreads";
@@ -135,7 +135,7 @@ pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
 
 /// The trials whose steady state depends on the starting phase.
 struct Dependent {
-    /// Why the first of them does.
+    /// Why the first of these trials does.
     why: String,
     /// Its speeds.
     speeds_rpm: [f64; 2],
@@ -144,7 +144,7 @@ struct Dependent {
 }
 
 impl Dependent {
-    /// Returns those of some trials; `None` if there is none.
+    /// Returns the dependent ones of some trials; `None` if there are none.
     fn of(trials: &[Trial]) -> Option<Self> {
         let ratio = |trial: &Trial| Ratio::of(trial.speeds.map(CentiRpm::rpm));
         let first = trials.iter().find(|trial| ratio(trial).is_some())?;

@@ -17,13 +17,13 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 use thiserror::Error;
 
-/// Time from an observation to the set-point in force: half a tick and the next one (2.5 + 5 ms), the frame and the
-/// request on the line (1.6 ms), and USB with its default timer of 16 ms, on average half of it.
+/// Delay from an observation until its set-point is in force: half a tick plus the next tick (2.5 + 5 ms), the frame
+/// and the request on the serial line (1.6 ms), and on average half of USB's default timer of 16 ms.
 pub const DELAY_S: f64 = 0.020;
 
 const PERIOD_S: f64 = PERIOD_US as f64 * 1e-6;
 
-/// How far behind the last step forces and attitude are kept, s.
+/// Time before the last step for which forces and attitude are kept, s.
 const REACH_S: f64 = 0.1;
 
 /// Why a steered trial in the model ends early.
@@ -48,11 +48,11 @@ pub struct Steered {
     pub error: Option<SteeredError>,
 }
 
-/// Steers the model from rest for the run of the trial and writes its log to `path`, which must not exist. A run that ends
-/// early has its log up to there. The model waits for its pilot.
+/// Steers the model from rest for the run of the trial and writes its log to `path`, which must not exist. If the run
+/// ends early, the log is kept up to that point. The model waits for its pilot.
 ///
 /// # Errors
-/// [`ModelError`] if the log cannot be written or the model cannot begin.
+/// [`ModelError`] if the log cannot be written or the model cannot start.
 pub fn steer(
     model: &Model,
     plan: &Plan,
@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
-    /// Asks the pilot, and advances by a period.
+    /// Asks the pilot, and advances the model by one period.
     fn step(&mut self, step: u64, steering: &mut Steering, goes_on: &dyn Fn(f64) -> bool) -> Result<(), SteeredError> {
         let time_us = step * PERIOD_US;
         let time_s = time_us as f64 * 1e-6;
@@ -183,7 +183,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Returns the state of the robot now.
+    /// Returns the robot's present state.
     fn measured(&self) -> Measured {
         let state = self.robot.state();
         let body = &state.body;
@@ -222,7 +222,7 @@ mod tests {
     use sim::params::Robot;
     use sim::trial::Options;
 
-    /// The board's motors follow the angles of their targets, so that flagella that have started lose no phase.
+    /// The board's motors follow the angles of their targets, so flagella lose no phase when they start.
     #[test]
     fn started_flagella_make_up_for_their_start() {
         let folder = tempfile::tempdir().unwrap();
@@ -247,7 +247,7 @@ mod tests {
         assert!(behind.last().unwrap().iter().all(|turns| turns.abs() < 1e-3), "{behind:?}");
     }
 
-    /// Steers a robot that is not that of the controller's map. Returns the log's folder and what was held.
+    /// Steers a robot that differs from the controller's map. Returns the log's folder and the attitude that was held.
     #[test]
     fn robot_of_another_viscosity_holds_the_attitude_and_its_log_says_how() {
         let folder = tempfile::tempdir().unwrap();
@@ -268,7 +268,7 @@ mod tests {
         let data = Data::read(&path, Want::default()).unwrap();
         let held = Held::of(&data, &Zeroed::new(&data)).unwrap();
         assert!((held.mean_yaw_deg + 40.0).abs() < 0.5 && (held.mean_pitch_deg - 3.0).abs() < 0.5, "{held:?}");
-        // The map of the controller is wrong for this robot, and the speeds made up for it.
+        // The controller's map is wrong for this robot, and the speeds compensated for the difference.
         assert!(data.is_complete() && data.speeds() != data.planned_speeds());
         let set_points = Reader::open(&path)
             .unwrap()

@@ -22,7 +22,7 @@ use std::time::{Duration, SystemTime};
 pub struct Course {
     /// The events.
     pub schedule: Schedule,
-    /// The speeds. The trial starts at time 0; the settling of the model before it is not recorded.
+    /// The speeds. The trial starts at time 0; the model's settling before that is not recorded.
     pub profile: SpeedProfile,
     /// The recording that provides the speeds.
     pub replay: Option<ReplayMeta>,
@@ -45,8 +45,9 @@ impl Course {
     }
 }
 
-/// Computes a trial, writes its log to `path`, and ends it with the steady state. The log has what [`Motion`] says. If the
-/// solver fails, the log's summary states the reason; the log of an interrupted trial is left incomplete.
+/// Computes a trial, writes its log to `path`, and ends it with the steady state. The log contains the samples of
+/// [`Motion`]. If the solver fails, the log's summary states the reason; the log of an interrupted trial is left
+/// incomplete.
 pub(super) fn run(
     model: &Model,
     plan: &Plan,
@@ -84,7 +85,7 @@ pub(super) fn run(
     Ok(steady)
 }
 
-/// Writes the log of a planned trial that was computed already to `path`, which must not exist. With
+/// Writes the log of an already computed planned trial to `path`, which must not exist. With
 /// [`Method::Steady`](biflag_log::Method::Steady) the trial's run is the period or the last window.
 ///
 /// # Errors

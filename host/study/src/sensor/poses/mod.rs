@@ -1,17 +1,18 @@
-//! Six poses, one for each body axis up and down: the accelerometer's scale, offset and cross-axis terms, and what gravity
-//! adds to the rates of the gyroscope.
+//! Six poses, with each body axis up and down: they give the accelerometer's scale, offset and cross-axis terms, and
+//! the gyroscope's sensitivity to gravity.
 //!
-//! With f_i(±j) the mean force along axis i in the pose with ±j up, the scale of axis i is half the difference of f_i(+i) and
-//! f_i(-i), its offset half their sum, and a_ij, half the difference of f_i(+j) and f_i(-j), is what i reads of j. The operator
-//! places the sensor by its edges, not exactly: a rotation of the sensor in the body appears in a_ij and a_ji with opposite
-//! signs, and so do cross-axis terms that differ. Nothing can tell them apart, and nothing needs to: the mounting is by
-//! definition the rotation with which the cross-axis terms are symmetric. Their mean is the cross-axis term of both, and half
-//! their difference the mounting. Turns measure the gyroscope's axes relative to these.
+//! Let f_i(±j) be the mean force along axis i in the pose with ±j up. The scale of axis i is half the difference of
+//! f_i(+i) and f_i(-i), and its offset is half their sum. The effect of j on the reading of i is a_ij, half the
+//! difference of f_i(+j) and f_i(-j). The operator places the sensor by its edges, not exactly: a rotation of the
+//! sensor in the body appears in a_ij and a_ji with opposite signs, and so do asymmetric cross-axis terms. They cannot
+//! be distinguished, and need not be: the mounting is defined as the rotation that makes the cross-axis terms
+//! symmetric. The mean of a_ij and a_ji is the cross-axis term of both, and half their difference is the mounting.
+//! Turns measure the gyroscope's axes relative to these.
 //!
 //! The mean rates in the six poses fit w_i = b_i + Σ g_ij n_j + d_i (T - T0), where n is the direction of up and T the
-//! temperature: 18 values, 15 unknowns. A sensor that was just powered warms over the minutes of its poses, and a lag of its
-//! thermometer is in b_i. What is left is the scatter of the bias from pose to pose. Where the temperature hardly changes, d_i
-//! would fit noise, and is left out.
+//! temperature: 18 values, 15 unknowns. A freshly powered sensor warms up during the minutes of its poses, and b_i
+//! absorbs a lag of its thermometer. The residuals are the scatter of the bias from pose to pose. If the temperature
+//! hardly changes, d_i would fit noise, and is left out.
 
 use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
@@ -20,14 +21,14 @@ use super::reading::{Mean, RawReading, Rests};
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Least cosine of an axis to the vertical in its pose: 18°.
+/// Smallest cosine between an axis and the vertical in its pose: 18°.
 const UPRIGHT: f64 = 0.95;
 
 /// Longest time without a new pose, s.
 const PATIENCE_S: f64 = 120.0;
 
-/// Least range of the temperatures of the poses in which their change with temperature is fitted, °C. The mean of a pose of 8 s
-/// has a noise of 0.002 °C, and what is left out of a usual gyroscope is 0.0015 °/s.
+/// Smallest temperature range of the poses for which the change with temperature is fitted, °C. The mean over a pose of
+/// 8 s has a noise of 0.002 °C, and the neglected change of a usual gyroscope is 0.0015 °/s.
 const LEAST_WARMING_C: f64 = 0.05;
 
 /// The poses are not complete.
@@ -41,10 +42,10 @@ pub struct PosesError {
     pub missing: Vec<String>,
 }
 
-/// What the operator is to do, with the figures so far.
+/// The operator's next action, with the figures so far.
 #[derive(Clone, PartialEq, Debug)]
 pub enum PoseStep {
-    /// Keep this pose for so much longer.
+    /// Keep this pose for the remaining time.
     Hold {
         /// The axis that points up.
         up: String,
@@ -56,12 +57,12 @@ pub enum PoseStep {
         /// The poses that are missing.
         missing: Vec<String>,
     },
-    /// The sensor is still in a pose that is none of the six.
+    /// The sensor is still, but in none of the six poses.
     Askew {
         /// The poses that are missing.
         missing: Vec<String>,
     },
-    /// All are done.
+    /// All poses are done.
     Done,
 }
 
@@ -81,12 +82,12 @@ fn name(pose: usize) -> String {
 }
 
 impl PosesWatch {
-    /// Returns a watch of poses of so many seconds.
+    /// Returns a watch for poses of `seconds` each.
     pub fn new(seconds: f64) -> Self {
         Self { seconds, rests: Rests::default(), poses: [None; 6], since_s: None }
     }
 
-    /// Adds a reading. Returns what the operator is to do.
+    /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
     /// [`PosesError`] if no further pose comes.
@@ -123,7 +124,7 @@ impl PosesWatch {
         (0..6).filter(|pose| self.poses[*pose].is_none()).map(name).collect()
     }
 
-    /// Returns the result. `placement_deg`: each pose is exact within this.
+    /// Returns the result. `placement_deg`: bound on the placement error of each pose.
     ///
     /// # Errors
     /// [`PosesError`] if poses are missing.
@@ -144,18 +145,18 @@ fn pose_of(rest: &Mean) -> Option<usize> {
     Some(2 * axis + usize::from(rest.force_g[axis] < 0.0))
 }
 
-/// What six poses tell.
+/// Result of six poses.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PosesResult {
-    /// Relative scale error of the accelerometer, which reads in units of the local gravity: attitudes need no other.
+    /// Relative scale error of the accelerometer in units of the local gravity, which is all that attitudes need.
     pub accel_scale: [Estimate; 3],
     /// Its offset, standard gravity.
     pub accel_offset_g: [Estimate; 3],
-    /// `[i][j]`: share of the force along j that i reads. Zero for i = j.
+    /// `[i][j]`: share of the force along j in the reading of i. Zero for i = j.
     pub accel_cross: [[Estimate; 3]; 3],
     /// Rotation of the sensor in the body about its axes, degrees.
     pub mounting_deg: [Estimate; 3],
-    /// `[i][j]`: rate that gyroscope i reads per standard gravity along j, °/s.
+    /// `[i][j]`: change of the rate read about i per standard gravity along j, °/s.
     pub gyro_g_dps: [[Estimate; 3]; 3],
     /// Scatter of the bias from pose to pose, beside its change with temperature, °/s.
     pub drift_dps: f64,
@@ -167,15 +168,15 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     let placement = Estimate::within(placement_deg.to_radians()).u;
     // Two placements are averaged in each half difference.
     let tilt_u = placement / 2f64.sqrt();
-    // An axis that leans by θ reads the cosine: 1 - θ²/2, with the mean square of θ about two axes.
+    // An axis that leans by θ reads the cosine, 1 - θ²/2. θ² is the sum of the mean squares about two axes.
     let cosine = placement * placement;
-    // What the others read in its poses: its lean to the vertical by the mounting, to which their cross-axis terms add.
+    // The readings of the other axes in its poses: its lean due to the mounting, plus their cross-axis terms.
     let lean = |i: usize| (0..3).filter(|j| *j != i).map(|j| half_difference(j, i)).fold(0.0, f64::hypot);
     let accel_scale = std::array::from_fn(|i| {
         let value = half_difference(i, i) / (1.0 - cosine) - 1.0;
         Estimate { value, u: cosine.hypot(lean(i) * lean(i)) }
     });
-    // Each of both forces has the cosine of its own placement, on top of a lean that both have, and noise far below it.
+    // Each of the two forces has the cosine of its own placement, in addition to a common lean; noise is far smaller.
     let accel_offset_g: [Estimate; 3] = std::array::from_fn(|i| {
         let value = 0.5 * (force(i, 2 * i) + force(i, 2 * i + 1));
         Estimate { value, u: cosine.hypot(lean(i) * tilt_u).hypot(1e-4) }
@@ -188,14 +189,14 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
         let u = tilt_u / 2f64.sqrt();
         let cross = Estimate { value: 0.5 * (a + b), u };
         (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
-        // A sensor that is rotated by r about k reads r of j on i, and -r of i on j.
+        // In a sensor rotated by r about k, axis i reads r of j, and axis j reads -r of i.
         *mounting = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
     }
     let fits = fits(poses, &accel_offset_g)?;
     // The biases of the axes change alike, so their residuals are taken together.
     let freedom = fits.iter().map(|fit| fit.freedom).sum::<usize>();
     let drift_dps = (fits.iter().map(|fit| fit.squares).sum::<f64>() / freedom as f64).sqrt();
-    // The direction of gravity is known as well as the accelerometer's axes.
+    // The direction of gravity is as uncertain as the accelerometer's axes.
     let direction_u = accel_cross[0][1].u.hypot(tilt_u);
     let sensitivity = |i: usize| fits[i].values[1..4].iter().copied().fold(0.0, f64::hypot);
     let gyro_g_dps = std::array::from_fn(|i| {
@@ -208,8 +209,8 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     Some(PosesResult { accel_scale, accel_offset_g, accel_cross, mounting_deg, gyro_g_dps, drift_dps })
 }
 
-/// Fits the mean rate of each axis. The coefficients are the bias, the sensitivity to gravity along x, y and z, and, if the
-/// poses tell it, the change with temperature.
+/// Fits the mean rate of each axis. The coefficients are the bias, the sensitivity to gravity along x, y and z, and, if
+/// the poses determine it, the change with temperature.
 fn fits(poses: &[Mean; 6], accel_offset_g: &[Estimate; 3]) -> Option<[Fit; 3]> {
     let temperatures = poses.map(|pose| pose.temperature_c);
     let warmest = temperatures.into_iter().fold(f64::NEG_INFINITY, f64::max);

@@ -48,8 +48,8 @@ fn intervals_contain_the_truth() {
             let j = (i + 1) % 3;
             count(0, result.accel_scale[i], hand.accel[(i, i)]);
             count(1, result.accel_offset_g[i], hand.offset_g[i]);
-            // The sensor's axes are the body's, rotated by the mounting with which the cross-axis terms are symmetric: a
-            // rotation r about k reads r of j on i, where i, j, k is a cycle, and -r of i on j.
+            // The mounting makes the cross-axis terms symmetric: after a rotation r about k, axis i reads r of j, where
+            // i, j, k is a cycle, and axis j reads -r of i.
             let k = (i + 2) % 3;
             let [a, b] = [hand.accel[(i, j)], hand.accel[(j, i)]];
             count(2, result.accel_cross[i][j], 0.5 * (a + b));
@@ -72,8 +72,8 @@ fn a_drift_from_pose_to_pose_widens_the_sensitivity_to_gravity() {
     assert!(drifting.gyro_g_dps[0][0].u > 5.0 * calm && drifting.drift_dps > 0.01, "{drifting:?}");
 }
 
-/// A sensor that was just powered: the change with temperature is told from what gravity adds, and a lag of the thermometer
-/// does no harm.
+/// A freshly powered sensor: the change with temperature is separated from the sensitivity to gravity, and a lag of the
+/// thermometer does no harm.
 #[test]
 fn warming_is_no_part_of_the_sensitivity_to_gravity() {
     let sensitivity = |warming_c: f64, lag_s: f64| {

@@ -16,16 +16,16 @@ pub enum TurnError {
     NotVertical {
         /// The axis.
         axis: &'static str,
-        /// The one that points up.
+        /// The axis that points up.
         up: String,
     },
-    /// It turned about another axis.
+    /// The sensor turned about another axis.
     #[error("the sensor turned by {other_deg:.0}° about {other}, and by {angle_deg:.0}° about {axis}")]
     #[diagnostic(help(
         "turn it about its {axis} axis, flat on the table; if you did, correct gyro_axes in the board's settings"
     ))]
     WrongAxis {
-        /// The axis asked for.
+        /// The requested axis.
         axis: &'static str,
         /// The angle about it.
         angle_deg: f64,
@@ -34,7 +34,7 @@ pub enum TurnError {
         /// The angle about it.
         other_deg: f64,
     },
-    /// It turned the same way as before.
+    /// The sensor turned the same way as before.
     #[error("turn {number} went the wrong way: {angle_deg:.0}° instead of {wanted_deg:.0}°")]
     #[diagnostic(help("turn forwards, then back by the same way, and so on; start again"))]
     WrongWay {
@@ -45,7 +45,7 @@ pub enum TurnError {
         /// The angle asked for.
         wanted_deg: f64,
     },
-    /// It stopped half way.
+    /// The sensor stopped half way.
     #[error("turn {number} stopped at {angle_deg:.0}° of {wanted_deg:.0}°")]
     #[diagnostic(help(
         "turn by the whole angle before you let it rest, or name the angle that you turn, such as `biflag sensor turn z 360`"
@@ -58,7 +58,7 @@ pub enum TurnError {
         /// The angle asked for.
         wanted_deg: f64,
     },
-    /// It turned too far.
+    /// The sensor turned too far.
     #[error("turn {number} went on to {angle_deg:.0}° instead of {wanted_deg:.0}°")]
     #[diagnostic(help("stop at the mark; start again"))]
     TooFar {
@@ -73,7 +73,7 @@ pub enum TurnError {
     #[error("the sensor was not turned within {PATIENCE_S:.0} s")]
     #[diagnostic(help("start again, and turn it when the program says so"))]
     NoTurn,
-    /// It was never still.
+    /// The sensor was never still.
     #[error("the sensor was not still for {REST_S:.0} s within {PATIENCE_S:.0} s")]
     #[diagnostic(help("put it on a table that does not shake, and start again"))]
     NeverStill,

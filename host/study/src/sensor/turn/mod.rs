@@ -1,16 +1,16 @@
 //! Turns by hand about a vertical axis, forwards and back: the scale of the gyroscope about that axis.
 //!
-//! A turn lasts from a rest to a rest. The bias is that of both rests, interpolated over time, so that what gravity adds to the
-//! rates, which is the same all the way, is taken off as well. With y_m the angle that the sensor has turned by the m-th
-//! rest and p_m the angle of the mark there (0 or D), least squares fit
+//! A turn lasts from one rest to the next. The bias is interpolated between the two rests. This also removes the effect
+//! of gravity on the rates, which is constant during the turn. Let y_m be the angle turned by the m-th rest and p_m the
+//! angle of the mark there (0 or D). Least squares fit
 //!
 //! ```text
 //! y_m = a + b m + (1 + s) p_m
 //! ```
 //!
-//! with the scale error s and a drift b a turn, which takes up what the rests tell badly of the bias. The scatter about it is
-//! that of the operator's hand at the marks; its degrees of freedom are the rests less three. The term b is left out of the
-//! fit of fewer than three turns.
+//! with the scale error s and a drift b per turn, which absorbs errors of the bias at the rests. The scatter about the
+//! fit is the operator's scatter at the marks; its degrees of freedom are the number of rests minus three. With fewer
+//! than three turns, the term b is left out.
 
 mod error;
 mod result;
@@ -22,7 +22,7 @@ use super::file::{AXES, MeasuredSensor};
 use super::reading::{Mean, Motion, RawReading, Rests};
 use result::{evaluate, unit};
 
-/// Least time of a rest, s.
+/// Shortest rest, s.
 pub const REST_S: f64 = 3.0;
 
 /// Longest wait for the next turn, s.
@@ -31,19 +31,19 @@ pub const PATIENCE_S: f64 = 60.0;
 /// Longest stop within a turn, s.
 const STOP_S: f64 = 20.0;
 
-/// Rest after a movement from which on it counts as over, s.
+/// Rest after which a movement counts as over, s.
 const OVER_S: f64 = 1.0;
 
-/// Share by which a turn may differ from the angle asked for: the scale's tolerance, twice.
+/// Share by which a turn may differ from the requested angle: twice the scale's tolerance.
 const TOLERANCE: f64 = 0.06;
 
 /// A movement up to this angle is a jolt, degrees.
 const JOLT_DEG: f64 = 15.0;
 
-/// Least cosine of the axis to the vertical, as the accelerometer reads it: 14°.
+/// Smallest cosine of the angle between the axis and the measured vertical: 14°.
 const VERTICAL: f64 = 0.97;
 
-/// What is to be turned.
+/// The requested turns.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct TurnPlan {
     /// The axis, 0 to 2.
@@ -54,38 +54,38 @@ pub struct TurnPlan {
     pub turns: usize,
 }
 
-/// One turn, from the mean time of a rest to that of the next.
+/// One turn, from the mean time of a rest to the mean time of the next.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Turn {
-    /// Angle about each body axis as the sensor reads it, degrees.
+    /// Angle about each body axis as measured by the sensor, degrees.
     pub angle_deg: [f64; 3],
-    /// Its standard uncertainty by the noise of the rests, degrees.
+    /// Its standard uncertainty due to the noise of the rests, degrees.
     pub noise_deg: [f64; 3],
     /// Duration, s.
     pub length_s: f64,
 }
 
-/// What the operator is to do, with the figures so far.
+/// The operator's next action, with the figures so far.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum TurnStep {
-    /// Keep it still for this much longer.
+    /// Keep the sensor still for the remaining time.
     Rest {
         /// Seconds.
         left_s: f64,
     },
-    /// Turn it now.
+    /// Turn the sensor now.
     Ready,
-    /// It turns.
+    /// The sensor is turning.
     Turning {
         /// Angle so far about the axis, as read.
         angle_deg: f64,
     },
-    /// It stopped before the end of the turn.
+    /// The sensor stopped before the end of the turn.
     Stopped {
         /// Angle so far about the axis, as read.
         angle_deg: f64,
     },
-    /// All turns are done, or no further one came.
+    /// All turns are done, or the operator has stopped turning.
     Done,
 }
 
@@ -100,7 +100,7 @@ pub struct TurnWatch {
     from: Option<Mean>,
     /// Start of the present state, s.
     since_s: Option<f64>,
-    /// Angle since the rest before, with its bias, degrees.
+    /// Angle since the previous rest, without that rest's bias, degrees.
     angle_deg: [f64; 3],
     previous: Option<RawReading>,
     turns: Vec<Turn>,
@@ -128,14 +128,14 @@ impl TurnWatch {
         self.turns.len()
     }
 
-    /// Returns the angle asked for of the next turn; the first one says which way is forwards.
+    /// Returns the requested angle of the next turn. The first turn defines the forward direction.
     fn wanted_deg(&self) -> f64 {
         let forwards = self.turns.first().map_or(self.angle_deg[self.plan.axis], |turn| turn.angle_deg[self.plan.axis]);
         let sign = if self.turns.len().is_multiple_of(2) { 1.0 } else { -1.0 };
         sign * self.plan.degrees * forwards.signum()
     }
 
-    /// Adds a reading. Returns what the operator is to do.
+    /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
     /// [`TurnError`].
@@ -189,7 +189,7 @@ impl TurnWatch {
         Ok(if self.turns.len() < self.plan.turns { TurnStep::Ready } else { TurnStep::Done })
     }
 
-    /// The first rest, which is to show the vertical.
+    /// Handles the first rest, which measures the vertical.
     fn rest_first(
         &mut self,
         motion: Motion,
@@ -218,7 +218,7 @@ impl TurnWatch {
         Ok(TurnStep::Ready)
     }
 
-    /// A rest that goes on, or that follows a jolt: the next turn begins at its end.
+    /// Handles a rest that continues or follows a jolt: the next turn begins at its end.
     fn rest_again(&mut self, motion: Motion, rest: &Mean) -> TurnStep {
         if motion == Motion::Still {
             if rest.length_s() >= REST_S {
@@ -242,7 +242,7 @@ impl TurnWatch {
         self.readings.retain(|reading| reading.time_s >= rest.span_s[0]);
     }
 
-    /// Refuses a turn about another axis or the wrong way, as soon as it shows.
+    /// Refuses a turn about another axis or the wrong way, as early as possible.
     fn check_way(&self) -> Result<(), TurnError> {
         let TurnPlan { axis, degrees, .. } = self.plan;
         let angle_deg = self.angle_deg[axis];
@@ -261,8 +261,9 @@ impl TurnWatch {
         Ok(())
     }
 
-    /// Returns the result of the turns so far. `reference_deg`: the angle of a turn lies within this of the nominal one.
-    /// `known`: what was known of the sensor before; `clock`: the rate error of the board's clock, relative.
+    /// Returns the result of the turns so far. `reference_deg`: largest difference between the angle of a turn and the
+    /// nominal one; `known`: earlier measurements of the sensor; `clock`: the rate error of the board's clock,
+    /// relative.
     ///
     /// # Errors
     /// [`TurnError::NoTurn`].
@@ -274,8 +275,8 @@ impl TurnWatch {
     }
 }
 
-/// Integrates the rates from the middle of a rest to the middle of the next one, less the bias that goes linearly from that of
-/// the one to that of the other.
+/// Integrates the rates from the middle of a rest to the middle of the next one, minus the bias interpolated linearly
+/// between the two rests.
 fn turn(readings: &[RawReading], from: &Mean, to: &Mean) -> Turn {
     let within = |reading: &&RawReading| (from.time_s..=to.time_s).contains(&reading.time_s);
     let readings: Vec<_> = readings.iter().filter(within).collect();

@@ -5,35 +5,35 @@ use super::super::least_squares::{Fit, expanded};
 use super::super::{Estimate, Sensor};
 use super::{Turn, TurnPlan};
 
-/// The operator stands the axis upright, in a mounting, within this, rad: 3°. The accelerometer, if it is not measured, tells
-/// it worse.
+/// Tolerance within which the operator places the axis upright, in a mounting, rad: 3°. An unmeasured accelerometer is
+/// less accurate.
 const UPRIGHT: Estimate = Estimate::within(0.052);
 
-/// What turns about an axis tell.
+/// Result of turns about an axis.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TurnResult {
     /// Relative scale error about the axis.
     pub scale: Estimate,
-    /// Its uncertainty by the scatter of the turns; `None` without a degree of freedom.
+    /// Its uncertainty due to the scatter of the turns; `None` without a degree of freedom.
     pub scatter_u: Option<f64>,
     /// Degrees of freedom of the scatter.
     pub freedom: usize,
-    /// Its uncertainty by the angle of the marks.
+    /// Its uncertainty due to the angle of the marks.
     pub reference_u: f64,
     /// Standard deviation of the operator's stops at the marks, degrees.
     pub stops_deg: Option<f64>,
-    /// For each other axis, the share of the rate about the axis that it reads.
+    /// For each other axis, the share of the rate about the turned axis in its reading.
     pub cross: [Option<Estimate>; 3],
     /// The angles as read, degrees.
     pub turned_deg: Vec<f64>,
-    /// Whether the first turn was counter-clockwise, seen from above, by both sensors.
+    /// Whether both sensors found the first turn counter-clockwise, seen from above.
     pub is_consistent: bool,
 }
 
 /// Evaluates turns. `force_g` is the mean specific force at the rests.
 ///
 /// A turn by σD about the vertical u (σ = 1 counter-clockwise seen from above) reads, about axis i,
-/// k_i D = σ ((1 + s_i) u_i + Σ c_ij u_j) D. With a the axis that is about vertical, σ is the sign of k_a u_a.
+/// k_i D = σ ((1 + s_i) u_i + Σ c_ij u_j) D. For the nearly vertical axis a, σ is the sign of k_a u_a.
 pub(super) fn evaluate(
     plan: &TurnPlan,
     turns: &[Turn],
@@ -59,7 +59,7 @@ pub(super) fn evaluate(
     let sense = (share(axis) * up[axis]).signum();
     let others = || (0..3).filter(|j| *j != axis);
 
-    // What the axis reads of the others because it leans, and how well that is known.
+    // The effect of the other axes on the reading, because the axis leans, and its uncertainty.
     let leaned: f64 = others().map(|j| before.gyro_cross[axis][j].value * up[j]).sum();
     let leaned_u: f64 = others().map(|j| before.gyro_cross[axis][j].u * up[j]).fold(0.0, f64::hypot);
     let cosine_u: f64 = others().map(|j| up[j] * up_u[j]).fold(0.0, f64::hypot);
@@ -86,14 +86,14 @@ pub(super) fn evaluate(
     })
 }
 
-/// Returns what the data sheet says of the share of the rate about axis j that axis i reads, relative to the axes of the
-/// accelerometer: these are turned by half the difference of two of its own cross-axis terms ([`super::poses`]).
+/// Returns the data sheet's share of the rate about axis j in the reading of axis i, relative to the accelerometer's
+/// axes. These are turned by half the difference of two of the accelerometer's cross-axis terms ([`super::poses`]).
 fn before_turns(sheet: &Sensor, i: usize, j: usize) -> Estimate {
     let turned_u = 0.5 * sheet.accel_cross[i][j].u.hypot(sheet.accel_cross[j][i].u);
     Estimate { u: sheet.gyro_cross[i][j].u.hypot(turned_u), ..sheet.gyro_cross[i][j] }
 }
 
-/// Fits the angle about axis i at the rests, see the module's documentation. The slope is the last coefficient.
+/// Fits the angle about axis i at the rests (see the parent module). The slope is the last coefficient.
 fn fit(plan: &TurnPlan, turns: &[Turn], i: usize) -> Option<Fit> {
     let mut reached = vec![0.0];
     for turn in turns {
@@ -108,12 +108,12 @@ fn fit(plan: &TurnPlan, turns: &[Turn], i: usize) -> Option<Fit> {
     Fit::new(&rows, &reached)
 }
 
-/// Zero-g output of the accelerometer, x, y, z (data sheet PS-MPU-6000A, section 6.2): ±50, ±50, ±80 mg, of which the largest
-/// is taken for every axis, because axes may be exchanged.
+/// Zero-g output of the accelerometer, x, y, z (data sheet PS-MPU-6000A, section 6.2): ±50, ±50, ±80 mg. Every axis
+/// gets the largest value, because axes may be exchanged.
 const ZERO_G: Estimate = Estimate::within(0.08);
 
-/// Returns the direction of up in body axes, and its standard uncertainty across, from a force at rest and what is known of
-/// the accelerometer. Body axis `axis` is about upright.
+/// Returns the direction of up in body axes and its transverse standard uncertainty, from a force at rest and the known
+/// errors of the accelerometer. Body axis `axis` is nearly vertical.
 fn vertical(force_g: [f64; 3], axis: usize, known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
     let sensor = known.known();
     let offset = |i: usize| known.get("accel_offset_g", AXES[i]).unwrap_or(ZERO_G);
@@ -139,7 +139,7 @@ pub(super) fn unit(vector: [f64; 3]) -> [f64; 3] {
     vector.map(|part| part / length)
 }
 
-/// Returns the mean of a measured value and of what was known before, weighted by their uncertainties.
+/// Returns the mean of a measured value and a prior value, weighted by their uncertainties.
 fn combined(measured: Estimate, before: Estimate) -> Estimate {
     let [a, b] = [measured.u, before.u].map(|u| u.powi(-2));
     Estimate { value: (a * measured.value + b * before.value) / (a + b), u: (a + b).sqrt().recip() }

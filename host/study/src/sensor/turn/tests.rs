@@ -11,7 +11,8 @@ fn up_deg(degrees: f64) -> Vector3<f64> {
     Vector3::z() * degrees
 }
 
-/// Turns by hand to marks that are missed by normal errors, forwards and back. Returns the watch and the last step.
+/// Turns by hand, forwards and back, to marks missed by normally distributed errors. Returns the watch and the last
+/// step.
 fn turned(hand: &mut Hand, plan: TurnPlan, stops_deg: f64) -> (TurnWatch, TurnStep) {
     let mut watch = TurnWatch::new(plan);
     let mut step = TurnStep::Ready;
@@ -37,7 +38,7 @@ fn nothing() -> MeasuredSensor {
     MeasuredSensor::new(&Settings::DEFAULT)
 }
 
-/// Returns a part with errors inside the data sheet.
+/// Returns a sensor with errors within the data sheet.
 fn part(seed: u64) -> Hand {
     let mut hand = Hand::new(seed);
     hand.gyro = hand.matrix(0.03, 0.02);
@@ -49,7 +50,7 @@ fn part(seed: u64) -> Hand {
     hand
 }
 
-/// Returns what six poses tell of the accelerometer.
+/// Returns the accelerometer as measured by six poses.
 fn posed(hand: &mut Hand) -> MeasuredSensor {
     let mut known = nothing();
     for (i, axis) in AXES.iter().enumerate() {
@@ -85,7 +86,7 @@ fn intervals_of_the_scale_contain_the_truth() {
         let mut hand = part(seed);
         let (watch, step) = turned(&mut hand, PLAN, 0.5);
         assert_eq!((step, watch.count()), (TurnStep::Done, 6), "seed {seed}");
-        // The marks are exact: nothing is known to be wrong about them.
+        // The marks are taken as exact.
         let result = watch.result(0.0, &posed(&mut hand), 0.0).unwrap();
         assert_eq!((result.freedom, result.is_consistent), (4, true));
         let off = (result.scale.value - hand.gyro[(2, 2)]).abs() / result.scale.u;
@@ -121,7 +122,7 @@ fn an_axis_that_leans_is_told_from_the_scale() {
     for seed in 0..20 {
         let mut hand = Hand::new(seed);
         hand.gyro[(2, 2)] = 0.025;
-        // 2° in the mounting, of which the accelerometer tells.
+        // A lean of 2° in the mounting, which the accelerometer measures.
         hand.attitude = UnitQuaternion::from_scaled_axis(Vector3::new(0.035, -0.02, 0.3));
         let (watch, _) = turned(&mut hand, PLAN, 0.0);
         let result = watch.result(0.0, &posed(&mut hand), 0.0).unwrap();
@@ -161,7 +162,7 @@ fn a_clock_that_is_fast_is_taken_off() {
     assert!((result.scale.value - (1.0 / 1.005 - 1.0)).abs() < 1e-4, "{result:?}");
 }
 
-/// Returns the first error of these movements, each of degrees about the world's axes with a rest after it.
+/// Returns the first error of these movements, each a rotation about the world's axes in degrees, followed by a rest.
 fn error_of(movements: &[Vector3<f64>]) -> TurnError {
     let mut hand = Hand::new(6);
     let mut watch = TurnWatch::new(PLAN);

@@ -17,7 +17,7 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::path::PathBuf;
 
-/// Length of the blocks, s. Yaw and pitch change over seconds, and a block is most of a turn of a slow motor.
+/// Length of the blocks, s. Yaw and pitch change over seconds, and a block covers most of a turn of a fast motor.
 const BLOCK_S: f64 = 0.5;
 
 /// Number of the model's samples per block.
@@ -32,22 +32,22 @@ pub struct FitTrial {
     pub(super) temperature_c: f64,
     /// Mounting of the sensor: pitch and roll at rest, degrees.
     pub(super) askew_deg: [f64; 2],
-    /// Findings about its log.
+    /// Findings about the log.
     pub(super) findings: Vec<Finding>,
     /// Whether it measured a real robot.
     pub(super) is_real: bool,
-    /// Its robot and the closure of its model.
+    /// The trial's robot and the closure of its model.
     pub(super) robot: Result<Robot, TwinError>,
     pub(super) closure: Option<Closure>,
-    /// The ratio of the speeds, if it is simple: the phase of the flagella matters.
+    /// The ratio of the speeds, if it is simple: the phase of the flagella then matters.
     pub(super) ratio: Option<Ratio>,
-    /// Whether it was recorded on a rig, whose flagella stood anywhere.
+    /// Whether it was recorded on a rig, with unknown starting angles of the flagella.
     pub(super) is_of_rig: bool,
-    /// Number of the board, and which of its starts, from which its encoders count.
+    /// Number of the board and of its start. Its encoders count from that start.
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
     pub(super) errors: TrialErrors,
-    /// Its fluid over that of the fitted robot.
+    /// The trial's fluid relative to the fitted robot's.
     pub(super) fluid: FluidRatio,
     profile: SpeedProfile,
 }
@@ -56,7 +56,7 @@ impl FitTrial {
     /// Reads the log of a trial and prepares it.
     ///
     /// # Errors
-    /// [`TwinError::Log`], and those of [`Self::new`].
+    /// [`TwinError::Log`], and the errors of [`Self::new`].
     pub fn read(log: &Attempt) -> Result<Self, TwinError> {
         Self::new(&log.read(Want { hash: true, ..Want::default() })?)
     }
@@ -71,7 +71,7 @@ impl FitTrial {
             TwinError::unusable(data, Unusable { reason: reason.to_owned(), help })
         };
         data.check().map_err(|error| TwinError::unusable(data, error))?;
-        // The decay is part of the fit, so the drift is estimated from the still phase before the run alone.
+        // The decay is part of the fit, so the drift is only estimated from the still phase before the run.
         let zeroed = Zeroed::from_rest(data);
         if zeroed.steady.is_none() {
             return Err(unusable("contains no attitude in its run"));
@@ -88,7 +88,7 @@ impl FitTrial {
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let errors = match zeroed.over_time(&centres, BLOCK_S) {
             Some(errors) => errors,
-            // The fit leaves the trial out, and says why: see [`super::select`].
+            // The fit leaves the trial out with a warning: see [`super::select`].
             None if findings.iter().any(Finding::empties_uncertainty) => {
                 std::array::from_fn(|_| OverTime::exact(count))
             }
@@ -134,7 +134,7 @@ impl FitTrial {
         self.measured[0].len()
     }
 
-    /// Returns whether both are the same recording: a copy, or one that was recovered or cut.
+    /// Returns whether both are the same recording, possibly copied, recovered or cut.
     pub(super) fn is_copy_of(&self, other: &Self) -> bool {
         let same = |(one, other): (&Vec<f64>, &Vec<f64>)| {
             let count = one.len().min(other.len());
@@ -150,7 +150,7 @@ impl FitTrial {
         let options = Options { rate_hz, shapes: false };
         let mut blocks: Blocks = Default::default();
         let mut sums = [0.0; 3];
-        // Samples are in the middle of the steps of the run, so that their mean is that of the block.
+        // Samples are in the middle of the run's steps, so that their mean is the block's mean.
         let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
         let trial =
             Trial::with_solver(Solver::sharing(robot, closure, at_rest).ok()?, self.profile.clone(), options).ok()?;

@@ -1,4 +1,4 @@
-//! The errors of the blocks of a trial: those of the sensor, of the solver and of the clocks, and what remains.
+//! The errors of a trial's blocks: the errors of the sensor, the solver and the clocks, and the remaining error.
 
 use super::Blocks;
 use crate::sensor::MOUNTING_YAW;
@@ -21,14 +21,14 @@ pub(super) struct TrialErrors {
     pub sensor: Option<SensorKey>,
     /// Covariance of the trial's own errors, degrees².
     pub own: [DMatrix<f64>; 3],
-    /// Effects of the sensor's errors, see [`OverTime::effects`].
+    /// Effects of the sensor's errors: see [`OverTime::effects`].
     pub of_sensor: [DMatrix<f64>; 3],
 }
 
 impl TrialErrors {
-    /// Adds the errors of solver and clocks to those of the sensor. `block_s`: length of a block.
+    /// Adds the errors of solver and clocks to the sensor's. `block_s`: length of a block.
     pub fn new(sensor: Option<SensorKey>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
-        // A model counts as a quiet sensor.
+        // A model counts as a sensor with little noise.
         let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
         let own = [0, 1, 2].map(|k| {
             let (turned, last) = (&measured[k], measured[k].len().saturating_sub(1));
@@ -49,7 +49,7 @@ impl TrialErrors {
     }
 }
 
-/// Correlated errors of successive blocks: an autoregressive process of first order.
+/// Correlated errors of successive blocks: a first-order autoregressive process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Correlated {
     /// Variance, degrees².
@@ -83,7 +83,7 @@ impl Correlated {
 
     /// Returns the covariance of two weighted sums of the errors of successive blocks, degrees².
     pub fn covariance(&self, one: &[f64], other: &[f64]) -> f64 {
-        // The products with the blocks before, and with those after.
+        // The products with the earlier blocks, then with the later ones.
         let pass = |weights: &mut dyn Iterator<Item = (f64, f64)>| {
             let (mut before, mut sum) = (0.0, 0.0);
             for (a, b) in weights {
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn correlation_of_residuals_is_estimated() {
-        // A process of first order with a step of 0.9 and a standard deviation of 0.3, from a fixed generator.
+        // A first-order process with a step of 0.9 and a standard deviation of 0.3, from a fixed generator.
         let mut state = 1u64;
         let mut uniform = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -5,8 +5,8 @@ use crate::plan::with_fit;
 use crate::text;
 use std::fmt::Write;
 
-/// Returns the file of a fitted robot: all parameters, and under `[fit]` which of them were fitted, with their covariance.
-/// Comments say to which trials; no program reads them.
+/// Returns the file of a fitted robot: all parameters, and under `[fit]` the fitted ones with their covariance.
+/// Comments list the trials; no program reads them.
 pub fn to_toml(calibration: &Calibration) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.

@@ -1,4 +1,4 @@
-//! The fluid of each trial: a mixture of glycerol has the viscosity of the temperature at which a trial was run.
+//! The fluid of each trial: the viscosity of a glycerol mixture depends on the trial's temperature.
 
 use super::data::FitTrial;
 use super::fluid_ratio::FluidRatio;
@@ -15,8 +15,8 @@ pub(super) fn mean_c(trials: &[FitTrial]) -> f64 {
     trials.iter().map(|trial| trial.temperature_c).sum::<f64>() / trials.len() as f64
 }
 
-/// Replaces a mixture by its viscosity and density at the mean temperature of all trials, and gives each trial its own over
-/// these. Returns a warning about the temperatures.
+/// Replaces a mixture by its viscosity and density at the mean temperature of all trials, and gives each trial its own
+/// values relative to these. Returns a warning about the temperatures.
 ///
 /// # Errors
 /// [`TwinError::Unusable`] if the temperature of a trial in a mixture is unknown.

@@ -1,8 +1,8 @@
-//! The fluid of a trial, relative to that of the fitted robot.
+//! The fluid of a trial, relative to the fitted robot's.
 
 use sim::params::Robot;
 
-/// Viscosity and density of the fluid of a trial, over those of the fitted robot.
+/// Viscosity and density of a trial's fluid, relative to the fitted robot's.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct FluidRatio {
     pub viscosity: f64,
@@ -16,7 +16,7 @@ impl Default for FluidRatio {
 }
 
 impl FluidRatio {
-    /// Returns the robot in the fluid of the trial.
+    /// Returns the robot in the trial's fluid.
     pub fn of(&self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
         robot.fluid.viscosity_pa_s *= self.viscosity;

@@ -1,4 +1,4 @@
-//! Limits of a fit: parameters that the trials do not determine, and trials that the model does not describe.
+//! The limits of a fit: parameters that the trials do not determine, and trials that the model does not describe.
 
 use super::data::FitTrial;
 use super::errors::TrialErrors;
@@ -9,26 +9,26 @@ use crate::text;
 use nalgebra::DMatrix;
 use sim::accuracy::ModelError;
 
-/// Largest correlation of two parameters that are separable.
+/// Largest correlation between two separable parameters.
 const MAX_CORRELATION: f64 = 0.95;
 
-/// Largest ratio of a bound of the interval to the value of a parameter that counts as determined.
+/// Largest ratio between the value of a parameter and a bound of its interval if it counts as determined.
 pub const MAX_FACTOR: f64 = 1.5;
 
-/// Largest half width of the interval of an angle that counts as determined, degrees.
+/// Largest half width of an angle's interval if it counts as determined, degrees.
 const MAX_ANGLE_DEG: f64 = 40.0;
 
-/// Ratio of the residuals of a trial to their noise above which the model does not describe the trial. In trials that the
-/// model describes it is about 1.
+/// Ratio of a trial's residuals to their noise above which the model does not describe the trial. For a good model it
+/// is about 1.
 const MISFIT: f64 = 5.0;
 
-/// Number of misfits that are named.
+/// Number of misfits listed by name.
 const NAMED: usize = 4;
 
-/// Error of a sensor, in its standard uncertainties, above which it is no longer believed.
+/// Estimated sensor error, in standard uncertainties, above which it is implausible.
 const SENSOR_LIMIT: f64 = 4.0;
 
-/// Quantile above which it is said how many standard errors an interval has.
+/// Quantile above which a note states the number of standard errors in an interval.
 const USUAL_QUANTILE: f64 = 3.0;
 
 /// Returns descriptions of the parameters that cannot be separated or are not determined.
@@ -68,8 +68,8 @@ pub(super) fn cannot_tell(
     said
 }
 
-/// Returns descriptions of residuals that are much larger than the noise, and for a real robot than the model's error beside
-/// it. `errors`: modelled minus measured, degrees.
+/// Returns descriptions of residuals that are much larger than the noise, for a real robot plus the model's error.
+/// `errors`: modelled minus measured, degrees.
 pub(super) fn misfits(
     trials: &[FitTrial],
     weights: &Weights,
@@ -118,14 +118,14 @@ pub(super) fn misfits(
     said
 }
 
-/// Returns root mean squares of the residuals of an angle and of their noise, degrees.
+/// Returns the root mean squares of an angle's residuals and of their noise, degrees.
 fn residual_and_noise(errors: &TrialErrors, angle: usize, residuals: &[f64]) -> [f64; 2] {
     let noise = errors.own[angle].diagonal().iter().map(|variance| variance + ASSUMED_REST_DEG.powi(2)).sum::<f64>();
     let square = residuals.iter().map(|residual| residual * residual).sum::<f64>();
     [square, noise].map(|sum| (sum / residuals.len().max(1) as f64).sqrt())
 }
 
-/// Returns the root mean square of the model's error of an angle, degrees.
+/// Returns the root mean square of the model's error in an angle, degrees.
 fn model_error_deg(error: &ModelError, trial: &FitTrial, angle: usize) -> f64 {
     let [yaw, pitch, roll] = &trial.measured;
     let each =
@@ -133,7 +133,7 @@ fn model_error_deg(error: &ModelError, trial: &FitTrial, angle: usize) -> f64 {
     (each.map(|deg| deg * deg).sum::<f64>() / yaw.len().max(1) as f64).sqrt()
 }
 
-/// Returns notes about intervals that are much wider than twice the standard error. `quantiles`: of each parameter.
+/// Returns notes about intervals that are much wider than twice the standard error. `quantiles`: one per parameter.
 pub(super) fn wide_quantiles(estimates: &[Estimate], quantiles: &[f64], degrees_of_freedom: f64) -> Option<String> {
     let wide: Vec<String> = (estimates.iter().zip(quantiles))
         .filter(|(_, quantile)| **quantile > USUAL_QUANTILE)

@@ -4,19 +4,19 @@
 //! of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
 //! relative to their start, angles in radians.
 //!
-//! The errors of a sensor (scale, axes, sensitivity to gravity, mounting, the clock of its board) are the same in all of
-//! its trials, so that more trials do not average them. They are estimated together with the parameters, with the data
-//! sheet or the sensor's own measurement as the prior: generalised least squares with the covariance of all trials
+//! The errors of a sensor (scale, axes, sensitivity to gravity, mounting, the clock of its board) are the same in all
+//! of its trials, so more trials do not average them out. They are estimated together with the parameters, with the
+//! data sheet or the sensor's own measurement as the prior: generalised least squares with the covariance of all trials
 //! (`weights.rs`). Different boards have independent errors.
 //!
 //! Successive residuals are correlated, and standard errors that ignored this would be several times too small. The fit
-//! weights blocks by the errors of the sensor (also those of the trial alone: the random walk of the yaw, the walk of the
-//! gyroscope's bias since the still phase, the levelling, the zeros), of the solver and of the clocks, and by an assumed
-//! remaining error, as if it were independent. Weights with the true correlation of the remaining error would be more
-//! efficient, but would rely on the first moments of a motion more than the accuracy of model and clocks allows: a delay
-//! of 5 ms then changed the tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive
-//! process for each angle, enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48,
-//! 817; Seber and Wild 2003, Nonlinear Regression, chapter 6). The solver's error is added to them.
+//! weights blocks by the errors of the sensor (including the trial's own: the random walk of the yaw, the walk of the
+//! gyroscope's bias since the still phase, the levelling, the zeros), of the solver and of the clocks, and by an
+//! assumed remaining error, treated as independent. Weights with the true correlation of the remaining error would be
+//! more efficient, but would rely too much on the beginning of a motion for the accuracy of model and clocks: a delay
+//! of 5 ms then changed the tether by 3 %. The size and correlation of the residuals enter the standard errors as a
+//! first-order autoregressive process for each angle. The standard errors hold for any weights of the fit (White 1980,
+//! Econometrica 48, 817; Seber and Wild 2003, Nonlinear Regression, chapter 6). The solver's error is added to them.
 //!
 //! The error of the model is the same in all trials and does not show in their scatter. Its effect on each parameter
 //! ([`Estimate::model_error`]) is part of the interval, but not of the standard error.
@@ -70,18 +70,18 @@ const MAX_EVALS_PER_PARAM: usize = 20;
 /// Standard deviation of the remaining error of a block assumed by the weights of the fit, degrees.
 const ASSUMED_REST_DEG: f64 = 0.1;
 
-/// RMS error of a fit that did not leave its start above which it is more than the model's own error, degrees.
+/// RMS error above which a fit that did not leave its start has failed, degrees: it exceeds the model's own error.
 const STUCK_DEG: f64 = 10.0;
 
-/// Step that least squares would still take, in standard errors, above which the fit has not ended at the minimum.
+/// Next least-squares step, in standard errors, above which the fit has not reached the minimum.
 const LEFT_TO_GO: f64 = 1.0;
 
 /// The settings of a fit.
 #[derive(Debug)]
 pub struct Request {
-    /// The robot to start from; `None` for that of the first trial.
+    /// The robot to start from; `None` for the first trial's robot.
     pub robot: Option<Robot>,
-    /// The closure; `None` for that of the first trial's model, or `full` if it has no model.
+    /// The closure; `None` for the closure of the first trial's model, or `full` if it has no model.
     pub closure: Option<Closure>,
     /// The parameters; [`Parameter::usual`] if there are none.
     pub parameters: Vec<Parameter>,
@@ -196,15 +196,15 @@ fn fit(
 
 /// The uncertainty of the fitted parameters, in the fit's variables.
 struct Spread {
-    /// Covariance of all errors but the model's.
+    /// Covariance of all errors except the model's.
     covariance: DMatrix<f64>,
-    /// The part of the scatter of the residuals.
+    /// The part due to the scatter of the residuals.
     scatter: DMatrix<f64>,
     /// Degrees of freedom of the scatter.
     degrees_of_freedom: f64,
     /// Quantile of each parameter, with its effective degrees of freedom.
     quantiles: Vec<f64>,
-    /// Possible change of each parameter by the model's error; `None` for simulated robots.
+    /// Possible change of each parameter due to the model's error; `None` for simulated robots.
     model_errors: Option<Vec<f64>>,
     /// The step that least squares would take next.
     next_step: Vec<f64>,
@@ -214,10 +214,10 @@ impl Spread {
     fn of(problem: &Problem, errors: &[Blocks], model_error: &ModelError) -> Result<Self, TwinError> {
         let Given { trials, parameters, weights, .. } = problem.given;
         let response = Response::new(problem)?;
-        // What the sensor explains is no scatter.
+        // Residuals that the sensor explains are not scatter.
         let scatter = Correlated::of_angles(&weights.without_sensors(errors));
         let Causes { scatter: by_scatter, stated } = response.covariance(&scatter);
-        // The fitted parameters absorb a part of the residuals.
+        // The fitted parameters absorb part of the residuals.
         let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
         let independent: f64 = scatter.iter().map(|scatter| scatter.independent(blocks)).sum();
         let degrees_of_freedom = (independent - parameters.len() as f64).max(1.0);
@@ -249,12 +249,12 @@ impl Spread {
     }
 }
 
-/// Returns the fitted parameters. `start`: the robot before any phase was tried.
+/// Returns the fitted parameters. `start`: the robot before the search for the phases.
 fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<Estimate> {
     let Given { parameters, closure, .. } = problem.given;
     let one = |(i, parameter): (usize, &Parameter)| {
         let value = parameter.value(problem.start, closure, problem.moved()[i]);
-        // An angle may have come round.
+        // An angle may have passed half a turn.
         let value = if parameter.is_angle() { wrapped(value) } else { value };
         let deviation = spread.deviation(i);
         let model_error = spread.model_errors.as_ref().map(|errors| errors[i]);

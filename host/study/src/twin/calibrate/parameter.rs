@@ -26,19 +26,19 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// All parameters that can be requested; [`Self::Phase`] stands for both phases.
+    /// All parameters that can be requested; [`Self::Phase`] requests both phases.
     pub const ALL: [Self; 7] =
         [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::Young, Self::MountYaw, Self::Phase];
 
-    /// Returns the parameters that are fitted by default. The flagella's stiffness is not one of them: it is measured better
-    /// on a rod, and is nearly indistinguishable from the viscosity.
+    /// Returns the parameters fitted by default. The flagella's stiffness is not among them: it is better measured on a
+    /// rod, and is nearly indistinguishable from the viscosity.
     pub fn usual(robot: &Robot) -> Vec<Self> {
         let mut usual = vec![Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::MountYaw];
         usual.retain(|parameter| parameter.has_effect(robot));
         usual
     }
 
-    /// Returns whether the model of this robot depends on the parameter: the drag of the base does not count where the head
+    /// Returns whether the model of this robot depends on the parameter: the drag of the base has no effect if the head
     /// is a body in the flow.
     pub(super) fn has_effect(self, robot: &Robot) -> bool {
         self != Self::Drag || robot.head.shape == HeadShape::Local
@@ -112,7 +112,7 @@ impl Parameter {
         matches!(self, Self::Phase | Self::PhaseBoth)
     }
 
-    /// Returns the smallest standard error, due to discretisation, in the units of the fit.
+    /// Returns the contribution of discretisation to the standard error, in the units of the fit.
     ///
     /// Two runs of a trial with solver tolerances of 0.02 and 0.001 differ by 0.2 % in yaw, and by up to 0.6 % in tilt.
     /// The base's drag is 4 % of the total resistance to yaw (3.6e-5 of 9e-4 N m s), so that 0.2 % of the total is 5 %
@@ -143,7 +143,7 @@ impl Parameter {
         from + moved.to_degrees()
     }
 
-    /// Returns the standard error of the value, given that of the moved quantity.
+    /// Returns the standard error of the value, given the standard error of the fit's variable.
     pub(super) fn error(self, value: f64, moved_error: f64) -> f64 {
         if self.is_angle() { moved_error.to_degrees() } else { value * moved_error }
     }

@@ -1,10 +1,10 @@
-//! The phases of the flagella: when they can be fitted, and where their fit starts.
+//! The phases of the flagella: the conditions for fitting them, and the start of their fit.
 //!
 //! The encoders count from the angles at which the board started, so each helix angle is known up to a constant. The
 //! steady state of a trial at a simple ratio of speeds depends periodically on one combination of these constants
-//! ([`sim::steady::phase`]), so least squares could end in a local minimum. Therefore each trial is first simulated at phases
-//! around the turn. Trials of one ratio determine the phase of that ratio; the other combination affects only the start
-//! of the motion.
+//! ([`sim::steady::phase`]), so least squares could end in a local minimum. Therefore each trial is first simulated at
+//! phases around the full turn. Trials of one ratio determine the phase of that ratio; the other combination only
+//! affects the start of the motion.
 
 use super::data::FitTrial;
 use super::problem::Problem;
@@ -14,7 +14,7 @@ use sim::params::Robot;
 use sim::steady::phase::Ratio;
 use std::collections::BTreeSet;
 
-/// Phases of a turn at which each trial is simulated.
+/// Number of phases per turn at which each trial is simulated.
 const STEPS: i32 = 24;
 
 /// Returns the parameters with both phases in place of [`Parameter::Phase`].
@@ -68,7 +68,7 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     };
     let grid = (0..STEPS).flat_map(|one| (0..STEPS).map(move |two| [one, two]));
     let [one, two] = grid.min_by(|a, b| steady(a).total_cmp(&steady(b)))?;
-    // The motors make these turns while the angle that the only ratio keeps is the same.
+    // With a single ratio, these turns of the motors do not change the steady phase.
     let (_, Ratio { turns: [p, q] }) = trials.first()?;
     let is_only = trials.iter().all(|(_, ratio)| ratio.turns[0] * q == ratio.turns[1] * p);
     let later = if is_only { 0..STEPS } else { 0..1 };
@@ -79,7 +79,7 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     starts.into_iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(robot, _)| robot)
 }
 
-/// Returns the angles by which both flagella turn to change the phase of a ratio by `step`.
+/// Returns the angles by which to turn the flagella to change the phase of a ratio by `step`.
 fn alone(ratio: Ratio, step: i32) -> [f64; 2] {
     match ratio.turns {
         [0, q] => [f64::from(step) / f64::from(q), 0.0],

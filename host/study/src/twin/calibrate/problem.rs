@@ -17,37 +17,37 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// with the solver's error.
 const FD_STEP: f64 = 0.01;
 
-/// The solver's tolerance for finite differences, which must exceed its error. Residuals use the tolerance of the
+/// The solver's tolerance for finite differences, so that they exceed its error. Residuals use the tolerance of the
 /// robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been computed by the same
 /// solver.
 const TOLERANCE: f64 = 1e-3;
 
-/// Largest change of a parameter with which slopes are used again: their own relative change is of its order, and a
+/// Largest change of a parameter after which slopes are reused: it changes them by a similar relative amount, and a
 /// simulation with slopes costs as much as three or more without.
 const SAME_SLOPES: f64 = 0.03;
 
 /// Largest change of the logarithm of a parameter from its start: a factor of ten.
 const MAX_LOG_CHANGE: f64 = 2.3;
 
-/// Largest change of an angle from its start, rad: more than half a turn either way, which reaches every angle.
+/// Largest change of an angle from its start, rad: more than half a turn either way, so every angle can be reached.
 const MAX_TURN: f64 = 3.5;
 
-/// Share of the largest change from which a parameter counts as being at its limit.
+/// Share of the largest change above which a parameter counts as being at its limit.
 const AT_LIMIT: f64 = 0.95;
 
 /// Residual if the solver fails, large enough to make the fit turn back.
 const FAILED_RESIDUAL: f64 = 1e4;
 
-/// What a fit is given, whatever it starts from.
+/// The inputs of a fit, independent of its start.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
     pub trials: &'a [FitTrial],
     pub closure: Closure,
     pub parameters: &'a [Parameter],
     pub weights: &'a Weights,
-    /// Inverses that all simulations share.
+    /// Inverses shared by all simulations.
     pub at_rest: &'a InversesAtRest,
-    /// Called after each simulation of a trial; with `false`, no more are made.
+    /// Called after each simulation of a trial; returning `false` stops the fit.
     pub simulated: &'a (dyn Fn() -> bool + Sync),
 }
 
@@ -58,11 +58,11 @@ pub(super) struct Problem<'a> {
     moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
-    /// The last slopes, and the parameters where they were found.
+    /// The last slopes, and the parameters at which they were computed.
     slopes: Mutex<Option<(Vec<f64>, Arc<Slopes>)>>,
 }
 
-/// The derivatives of the errors with respect to each parameter: of each parameter, of each trial.
+/// The derivatives of the errors: for each parameter, for each trial.
 pub(super) type Slopes = Vec<Vec<Blocks>>;
 
 impl<'a> Problem<'a> {
@@ -78,7 +78,7 @@ impl<'a> Problem<'a> {
         &self.moved
     }
 
-    /// Returns the parameters that have moved as far from their start as they may, or nearly.
+    /// Returns the parameters that have reached, or nearly reached, their limit.
     pub fn at_limit(&self) -> Vec<&'static str> {
         let nearly: Vec<f64> = self.moved.iter().map(|moved| moved / AT_LIMIT).collect();
         self.beyond(&nearly)
@@ -89,7 +89,7 @@ impl<'a> Problem<'a> {
         self.moved.iter().any(|moved| moved.abs() > FD_STEP)
     }
 
-    /// Returns the parameters that move further from their start than they may.
+    /// Returns the parameters that exceed their limit.
     fn beyond(&self, moved: &[f64]) -> Vec<&'static str> {
         let is_beyond = |(parameter, moved): &(&Parameter, &f64)| {
             let limit = if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE };
@@ -123,7 +123,8 @@ impl<'a> Problem<'a> {
         self.given.weights.square(trial, &difference(&modelled, &self.given.trials[trial].measured))
     }
 
-    /// Returns the derivatives of the errors with respect to each parameter, here or nearby; `None` if the solver fails.
+    /// Returns the derivatives of the errors with respect to each parameter, here or nearby; `None` if the solver
+    /// fails.
     pub fn slopes(&self) -> Option<Arc<Slopes>> {
         let mut last = self.slopes.lock().unwrap_or_else(PoisonError::into_inner);
         let is_near = |at: &[f64]| at.iter().zip(&self.moved).all(|(at, now)| (at - now).abs() < SAME_SLOPES);
@@ -174,7 +175,7 @@ impl<'a> Problem<'a> {
         blocks.filter(|_| goes_on)
     }
 
-    /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
+    /// Returns the attitude measured by a sensor rotated about the vertical in the body.
     fn mounted(&self, modelled: &[Blocks], moved: &[f64]) -> Vec<Blocks> {
         let yaw = self
             .given
@@ -194,12 +195,12 @@ fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
     [0, 1, 2].map(|k| modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect())
 }
 
-/// Returns the blocks of a sensor that is rotated by `yaw` (rad) about z in the body.
+/// Returns the blocks of a sensor rotated by `yaw` (rad) about z in the body.
 fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
     let mut result: Blocks = Default::default();
     for ((psi, theta), phi) in blocks[0].iter().zip(&blocks[1]).zip(&blocks[2]) {
-        // Only the tilt changes: a rotation about z commutes with the yaw, which keeps its full turns.
+        // Only the tilt changes: a rotation about z commutes with the yaw, so the yaw keeps its full turns.
         let tilt = Rotation3::from_euler_angles(phi.to_radians(), theta.to_radians(), 0.0);
         let (roll, pitch, rest) = (tilt * turn).euler_angles();
         result[0].push(psi + (rest - yaw).to_degrees());

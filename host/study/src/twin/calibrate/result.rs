@@ -22,7 +22,7 @@ pub struct Estimate {
     pub value: f64,
     /// Standard error from the noise of the measurement, the errors of the sensor and the solver.
     pub std_error: f64,
-    /// Possible change of the value by the error of the model ([`sim::accuracy`]); `None` if all trials are of a model
+    /// Possible change of the value due to the model's error ([`sim::accuracy`]); `None` if all trials are of a model
     /// or a simulated robot, which have no such error.
     pub model_error: Option<f64>,
     /// 95 % confidence interval: lower and upper bound. It contains the model's error.
@@ -61,9 +61,9 @@ pub struct Mounting {
 pub struct Calibration {
     /// The parameters.
     pub parameters: Vec<Estimate>,
-    /// Covariance of their errors, in the same order: the unit of a row times that of a column.
+    /// Covariance of their errors, in the same order. Units: the row's unit times the column's.
     pub covariance: Vec<Vec<f64>>,
-    /// The part of the covariance that is estimated from the scatter of the residuals.
+    /// The part of the covariance estimated from the scatter of the residuals.
     pub scatter_covariance: Vec<Vec<f64>>,
     /// Degrees of freedom of that part.
     pub degrees_of_freedom: f64,
@@ -83,13 +83,13 @@ pub struct Calibration {
     pub mounting: Mounting,
     /// The trials.
     pub trials: Vec<Fitted>,
-    /// Mean temperature of the sensor; NaN if that of an imported trial is unknown.
+    /// Mean temperature of the sensor; NaN if an imported trial has no temperature.
     pub temperature_c: f64,
     /// The closure of the fit.
     pub closure: Closure,
     /// Total number of simulated trials.
     pub simulations: usize,
-    /// Findings about the logs of the trials, also of those that are left out of the fit.
+    /// Findings about the logs of all trials, including those left out of the fit.
     pub findings: Vec<LogFinding>,
     /// Warnings about the fit itself.
     pub warnings: Vec<String>,
@@ -104,7 +104,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Returns what the robot's file says about the fit.
+    /// Returns the fit in the form of the robot's file.
     pub fn fit(&self) -> Fit {
         let of = |estimate: &Estimate| FittedParameter {
             name: estimate.name.to_owned(),
@@ -131,7 +131,7 @@ impl Calibration {
         }
     }
 
-    /// Returns whether the fit has neither warnings nor anything that it cannot tell.
+    /// Returns whether the fit has no warnings, no undetermined parameters and no misfits.
     pub fn is_sound(&self) -> bool {
         self.warnings.is_empty() && self.cannot_tell.is_empty() && self.misfits.is_empty()
     }

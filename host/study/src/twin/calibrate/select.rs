@@ -1,4 +1,4 @@
-//! Which trials, which robot and which parameters a fit takes.
+//! Selects the trials, the robot and the parameters of a fit.
 
 use super::data::FitTrial;
 use super::{Parameter, Request, TwinError, failed, phase};
@@ -8,7 +8,7 @@ use crate::twin::sensor_key::SensorKey;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 
-/// Returns the trials that a fit may use: without grave findings, and each recording once.
+/// Returns the trials that a fit may use: those without grave findings, each recording once.
 ///
 /// # Errors
 /// [`TwinError::Fit`] if there are none.
@@ -18,7 +18,7 @@ pub(super) fn usable(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FitTrial>, TwinError> {
     let all = trials.len();
-    // One spoilt trial is enough to move every parameter out of its interval.
+    // One bad trial is enough to move every parameter out of its interval.
     let is_sound = |trial: &FitTrial| !trial.findings.iter().any(Finding::empties_uncertainty);
     let sound: Vec<FitTrial> = trials.into_iter().filter(is_sound).collect();
     if sound.is_empty() {
@@ -49,7 +49,7 @@ pub(super) fn usable(
     Ok(each)
 }
 
-/// Returns the robot and the closure that the fit starts from: the requested ones, or those of the first trial.
+/// Returns the initial robot and closure of the fit: the requested ones, or the first trial's.
 ///
 /// # Errors
 /// [`TwinError::Robot`].
@@ -78,7 +78,7 @@ pub(super) fn start(
     Ok((request.robot.clone().map_or(of_first, Ok)?, closure))
 }
 
-/// Returns the parameters to fit, and prepares the trials for them. The usual ones if none are requested.
+/// Returns the parameters to fit, or the usual ones if none are requested, and prepares the trials for them.
 ///
 /// # Errors
 /// [`TwinError::Fit`] if a parameter cannot be fitted to these trials.

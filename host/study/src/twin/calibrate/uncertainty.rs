@@ -1,4 +1,4 @@
-//! How errors of the measurement and of the model change the fitted parameters.
+//! Propagates errors of the measurement and of the model to the fitted parameters.
 
 use super::errors::{Correlated, TrialErrors};
 use super::problem::Problem;
@@ -9,7 +9,7 @@ use sim::accuracy::ModelError;
 /// The fit's linear response to errors of its data.
 pub(super) struct Response<'a, 'b> {
     problem: &'a Problem<'b>,
-    /// For each parameter, its change for an error of each block, 1/degree.
+    /// For each parameter, its change per error of each block, 1/degree.
     gains: Vec<Vec<Blocks>>,
 }
 
@@ -17,7 +17,7 @@ pub(super) struct Response<'a, 'b> {
 pub(super) struct Causes {
     /// The scatter of the residuals.
     pub scatter: DMatrix<f64>,
-    /// The errors that are stated for the sensor, the clocks and the solver.
+    /// The stated errors of the sensor, the clocks and the solver.
     pub stated: DMatrix<f64>,
 }
 
@@ -82,12 +82,12 @@ impl<'a, 'b> Response<'a, 'b> {
         }
     }
 
-    /// Returns by how much the model's own errors may have changed each parameter, in the fit's variables.
+    /// Returns the possible change of each parameter due to the model's own errors, in the fit's variables.
     ///
-    /// They are the same in all trials, because the same effects are left out: the response to an error of the yaw in
-    /// proportion to the yaw, and to one of the tilt in proportion to the tilt, added up as squares. The shares
-    /// are of the measured angles, which the fitted model has; of the angles of a model that is not fitted, `compare` states
-    /// the same error as a larger share ([`ModelError::of_modelled_deg`]).
+    /// They are the same in all trials, because the model neglects the same effects: an error of the yaw in proportion
+    /// to the yaw, and of the tilt in proportion to the tilt, added in quadrature. The shares refer to the measured
+    /// angles, which the fitted model reproduces. For a model that is not fitted, `compare` states a larger share of
+    /// the modelled angles ([`ModelError::of_modelled_deg`]).
     pub fn model_errors(&self, error: &ModelError) -> Vec<f64> {
         let share = |shares: [f64; 3]| {
             let of_trial =
@@ -99,7 +99,7 @@ impl<'a, 'b> Response<'a, 'b> {
         yaw.iter().zip(&tilt).map(|(yaw, tilt)| yaw.hypot(*tilt)).collect()
     }
 
-    /// Returns the change of each parameter by errors of the data.
+    /// Returns the change of each parameter due to errors of the data.
     pub fn change(&self, errors: &[Blocks]) -> Vec<f64> {
         self.gains.iter().map(|gain| dot(gain, errors)).collect()
     }

@@ -1,8 +1,8 @@
-//! The covariance of all data, factored: generalised least squares in which the trials of a sensor share its errors.
+//! The factored covariance of all data, for generalised least squares in which the trials of a sensor share its errors.
 //!
-//! The errors of the blocks are e = ε + S δ: ε has the covariance V, independent between trials and angles; δ are the
-//! errors of the sensors and of their boards' clocks, of variance 1 in units of their standard uncertainties, and S their
-//! effects. So the covariance is C = V + S Sᵀ, and with V = L Lᵀ, w = L⁻¹ e and A = L⁻¹ S
+//! The errors of the blocks are e = ε + S δ: ε has the covariance V and is independent between trials and angles; δ are
+//! the errors of the sensors and of their boards' clocks, in units of their standard uncertainties and so with variance
+//! 1; S are their effects. So the covariance is C = V + S Sᵀ, and with V = L Lᵀ, w = L⁻¹ e and A = L⁻¹ S
 //!
 //! ```text
 //! eᵀ C⁻¹ e = |w + A δ̂|² + |δ̂|²,   δ̂ = -K⁻¹ Aᵀ w,   K = I + Aᵀ A
@@ -42,16 +42,16 @@ struct OfSensor {
     factor: Cholesky<f64, Dyn>,
 }
 
-/// Errors of a sensor that a fit finds.
+/// Errors of a sensor, estimated by a fit.
 pub(super) struct SensorErrors {
     /// The first trial of the sensor.
     pub trial: usize,
-    /// The name of each error, and the error over its standard uncertainty.
+    /// The name of each error, and the error in standard uncertainties.
     pub each: Vec<(&'static str, f64)>,
 }
 
 impl Weights {
-    /// Factors the covariance of the errors of all trials and a remaining error of each block, degrees.
+    /// Factors the covariance of all trials' errors plus a remaining error `rest_deg` of each block, degrees.
     ///
     /// # Errors
     /// [`TwinError::Fit`] if the covariance of a trial is not positive definite.
@@ -93,7 +93,7 @@ impl Weights {
         Ok(Self { trials: all, sensors })
     }
 
-    /// Returns residuals of variance 1 that are independent of each other: those of all blocks, then those of the sensors.
+    /// Returns independent residuals of variance 1: first of all blocks, then of the sensors.
     pub fn whiten(&self, errors: &[Blocks]) -> DVector<f64> {
         let own = self.own(errors);
         let found = self.found(&own);
@@ -138,13 +138,13 @@ impl Weights {
         as_blocks(whole)
     }
 
-    /// Returns errors without those of the sensors that they show.
+    /// Returns errors minus the effects of the sensor errors estimated from them.
     pub fn without_sensors(&self, errors: &[Blocks]) -> Vec<Blocks> {
         let found = self.found(&self.own(errors));
         as_blocks(self.plus(columns(errors), &found, |trial| &trial.effects))
     }
 
-    /// Returns the errors of the sensors that the errors of the data show.
+    /// Returns the sensor errors estimated from the errors of the data.
     pub fn sensors(&self, errors: &[Blocks]) -> Vec<SensorErrors> {
         let found = self.found(&self.own(errors));
         let of = |(sensor, found): (&OfSensor, DVector<f64>)| SensorErrors {
@@ -194,7 +194,7 @@ impl Weights {
         self.sensors.iter().map(of).collect()
     }
 
-    /// Returns values plus, for each sensor, the matrix of its trials times its errors.
+    /// Returns values plus, for each sensor, the matrix of its trials times the sensor's errors.
     fn plus(
         &self,
         mut values: Vec<[DVector<f64>; 3]>,
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::trial::SENSOR_ERRORS;
 
-    /// Four trials of three blocks; the first and the third are of one sensor.
+    /// Returns four trials of three blocks; the first and the third share a sensor.
     fn trials() -> Vec<TrialErrors> {
         let number = |i: usize, j: usize, k: usize| ((7 * i + 3 * j + 5 * k) as f64).sin();
         let one = |t: usize| TrialErrors {

@@ -7,7 +7,7 @@ use std::ops::Range;
 /// Shortest common time of two runs that can be compared, s.
 const SHORTEST_S: f64 = 1.0;
 
-/// Largest difference of two runs' lengths without a warning, s.
+/// Largest difference between the lengths of two runs without a warning, s.
 const SAME_LENGTH_S: f64 = 0.5;
 
 /// Both attitudes at the same times.
@@ -18,7 +18,7 @@ pub(super) struct Aligned {
     pub measured_deg: Vec<[f64; 3]>,
     /// The same for the model.
     pub modelled_deg: Vec<[f64; 3]>,
-    /// Points in the run.
+    /// Indices of the points in the run.
     pub in_run: Range<usize>,
     /// Length of the shorter run, s.
     pub common_s: f64,
@@ -72,7 +72,7 @@ impl Aligned {
         self.errors(0).count() as f64 / self.in_run.len().max(1) as f64
     }
 
-    /// Takes whole turns off the modelled yaw.
+    /// Subtracts whole turns from the modelled yaw.
     pub fn turn_back(&mut self, turns: f64) {
         self.modelled_deg.iter_mut().for_each(|deg| deg[0] -= 360.0 * turns);
     }

@@ -7,10 +7,10 @@ use crate::twin::sensor_key::SensorKey;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Rounding error of the difference of two models, degrees.
+/// Rounding error of the difference between two models, degrees.
 pub(super) const ROUNDING_DEG: f64 = 0.01;
 
-/// A trial compared with its model, or with another trial at the same speeds. `json.rs` has its keys.
+/// A trial compared with its model, or with another trial at the same speeds. `json.rs` defines its keys.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Comparison {
     /// Name of the measured trial.
@@ -29,17 +29,17 @@ pub struct Comparison {
     pub pitch: AngleComparison,
     /// The roll of both.
     pub roll: AngleComparison,
-    /// When both settled.
+    /// Settling times of both.
     pub settling: Settling,
-    /// Share of the run in which both attitudes are known; the rest is in gaps of a log.
+    /// Share of the run in which both attitudes are known; gaps of a log make up the rest.
     pub compared_share: f64,
-    /// Drift that was removed from the measured steady yaw.
+    /// Drift removed from the measured steady yaw.
     pub yaw_drift_deg: f64,
-    /// Yaw, pitch and roll in the still phase before the run, which were subtracted as the zero.
+    /// The subtracted zero: yaw, pitch and roll in the still phase before the run.
     pub measured_zero_deg: [f64; 3],
     /// The same for the model.
     pub modelled_zero_deg: [f64; 3],
-    /// Time by which the model was shifted to match the measurement, in addition to aligning the start of the motors.
+    /// Time by which the model was shifted to match the measurement, after the starts of the motors were aligned.
     pub time_shift_s: f64,
     /// Start of both runs, each on the clock of its log.
     pub run_start_s: [f64; 2],
@@ -47,17 +47,17 @@ pub struct Comparison {
     pub budget: Vec<AngleTerm>,
     /// Steady errors beyond their uncertainty.
     pub differences: Vec<Difference>,
-    /// Whether chance explains these neither, as often as the session has tested: see `twin/session`.
+    /// Whether they are also beyond chance, given the number of tests in the session: see `twin/session`.
     pub is_beyond_chance: bool,
     /// Findings about both logs.
     pub findings: Vec<LogFinding>,
-    /// What the two trials are.
+    /// The kinds of the two trials.
     pub sides: Sides,
     /// The differences as text.
     pub verdict: String,
     /// Warnings about the comparison itself.
     pub warnings: Vec<String>,
-    /// The sensors of both; trials of the same ones have the same errors.
+    /// The sensors of both; trials with the same sensor share its errors.
     pub(in crate::twin) sensors: [Option<SensorKey>; 2],
 }
 
@@ -82,7 +82,7 @@ impl Comparison {
         self.differences.is_empty() && self.transients_agree()
     }
 
-    /// Returns whether a transient is judged: the run is long enough, and the uncertainty known.
+    /// Returns whether any transient is judged: the run is long enough, and the uncertainty is known.
     pub fn judges_transients(&self) -> bool {
         self.angles().iter().any(|angle| angle.transient.is_some())
     }
@@ -93,7 +93,7 @@ impl Comparison {
     }
 }
 
-/// An angle of a trial beside that of its model, or of another trial.
+/// An angle of a trial compared with its model, or with another trial.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct AngleComparison {
     /// `yaw`, `pitch` or `roll`.
@@ -104,29 +104,31 @@ pub struct AngleComparison {
     pub modelled_deg: f64,
     /// Modelled minus measured steady angle.
     pub error_deg: f64,
-    /// 95 % uncertainty of the error by what was measured; zero between models, `None` if it is unknown.
+    /// 95 % uncertainty of the error from the measurements; zero between models, `None` if it is unknown.
     pub uncertainty: Option<Uncertainty>,
-    /// Error of the model's own steady angle, from what it leaves out ([`sim::accuracy`]); `None` where the measured trial is
-    /// a model's or a simulated robot's, or the other one is measured.
+    /// Error of the model's own steady angle, from neglected effects ([`sim::accuracy`]); `None` if the measured trial
+    /// comes from a model or a simulated robot, or if the other trial is measured.
     pub model_error_deg: Option<f64>,
-    /// What limits the comparison: the largest of the three.
+    /// The largest of the three parts, which limits the comparison.
     pub limited_by: Option<Limit>,
-    /// Whether the error is within the model's own, which is larger than the uncertainty: the angle cannot refute the model.
+    /// Whether the angle cannot refute the model: its error is within the model's own, and that is larger than the
+    /// uncertainty.
     pub cannot_refute: bool,
     /// Root mean square of the error over the run, without the gaps of both logs.
     pub rmse_deg: f64,
-    /// The error of the transient; `None` where it is not judged.
+    /// The error of the transient; `None` if it is not judged.
     pub transient: Option<Transient>,
-    /// What one standard uncertainty of each error of the sensors gives the error, degrees.
+    /// Effect on the error of one standard uncertainty of each sensor error, degrees.
     #[serde(skip)]
     pub(in crate::twin) effects_deg: Vec<f64>,
-    /// Standard uncertainty of the second trial's own, which comparisons of several trials with it have in common, degrees.
+    /// Standard uncertainty from the second trial's own errors, degrees. All comparisons with the same second trial
+    /// share it.
     #[serde(skip)]
     pub(in crate::twin) other_u_deg: f64,
 }
 
 impl AngleComparison {
-    /// Sets what follows from the errors and uncertainties.
+    /// Sets the fields that follow from the errors and uncertainties.
     pub(super) fn judged(mut self) -> Self {
         self.limited_by = self.limit();
         self.cannot_refute = match (self.uncertainty, self.model_error_deg) {
@@ -136,14 +138,15 @@ impl AngleComparison {
         self
     }
 
-    /// Returns the steady error if it is beyond its uncertainty.
+    /// Returns the steady error if it exceeds its uncertainty.
     pub(super) fn difference(&self) -> Option<Difference> {
         let allowed_deg = self.uncertainty?.total_deg.max(ROUNDING_DEG);
         let Self { angle, error_deg, model_error_deg, .. } = *self;
         (error_deg.abs() > allowed_deg).then_some(Difference { angle, error_deg, allowed_deg, model_error_deg })
     }
 
-    /// Returns the probability of a steady error as large or larger by chance; `None` if it is not known by chance.
+    /// Returns the probability of a steady error at least this large by chance; `None` if the uncertainty is unknown or
+    /// zero.
     pub(in crate::twin) fn p_value(&self) -> Option<f64> {
         let uncertainty = self.uncertainty.filter(|uncertainty| uncertainty.total_deg > ROUNDING_DEG)?;
         Some(statistics::student_p_value(self.error_deg / uncertainty.u_deg, uncertainty.degrees_of_freedom))
@@ -167,20 +170,20 @@ impl AngleComparison {
 pub enum Limit {
     /// Noise and drift of the trial: longer rests and repeats help.
     Noise,
-    /// The sensor's errors, which are common to its trials: measuring it helps.
+    /// The sensor's errors, common to all its trials: measuring the sensor helps.
     Sensor,
     /// The model's own error.
     Model,
 }
 
-/// The 95 % uncertainty of a steady error, by its parts.
+/// The 95 % uncertainty of a steady error, with its parts.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Uncertainty {
-    /// Part of the trials: noise and drift.
+    /// Part due to the trials: noise and drift.
     pub noise_deg: f64,
-    /// Part that is common to all trials of the sensors.
+    /// Part common to all trials of the sensors.
     pub sensor_deg: f64,
-    /// Both: the smallest difference that the trials could show.
+    /// Both parts: the smallest difference that the trials could show.
     pub total_deg: f64,
     /// Standard uncertainty.
     #[serde(skip)]
@@ -190,15 +193,15 @@ pub struct Uncertainty {
     pub degrees_of_freedom: f64,
 }
 
-/// The error of a transient: what is left of the error before the steady end of the run, once the steady error is explained
-/// as the uncertainty explains it best.
+/// The error of a transient: the error before the steady end of the run, minus the part that the steady error explains
+/// under the known uncertainties.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Transient {
     /// Its root mean square.
     pub residual_deg: f64,
-    /// What 95 of 100 equal transients stay below, with the tolerance of the model's speeds.
+    /// Bound that 95 of 100 equal transients do not exceed, including the tolerance of the model's speeds.
     pub allowed_deg: f64,
-    /// Number of independent samples in it: drift makes neighbours alike.
+    /// Number of independent samples in it, because drift correlates neighbours.
     pub independent_samples: f64,
     /// The model's own error of the angle over the same time, root mean square; see [`AngleComparison::model_error_deg`].
     pub model_error_deg: Option<f64>,
@@ -211,16 +214,16 @@ impl Transient {
     }
 }
 
-/// When the attitudes settled.
+/// Settling times of the attitudes.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Settling {
-    /// Measured, from the start of the run; `None` if it did not.
+    /// Measured, from the start of the run; `None` if not settled.
     pub measured_s: Option<f64>,
     /// The same for the model.
     pub modelled_s: Option<f64>,
     /// Ratio of the modelled to the measured settling time; `None` if one of them did not settle, or settled at once.
     pub ratio: Option<f64>,
-    /// Whether they differ by more than the uncertainty of both allows.
+    /// Whether they differ by more than their uncertainties allow.
     pub differs: bool,
 }
 

@@ -16,7 +16,7 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     if a.reverse() != b.reverse() {
         return Ok(Some("the reversals differ".to_owned()));
     }
-    // A recording and its replay start as the flagella stood.
+    // A recording and its replay start with the flagella's actual angles.
     let is_planned = |data: &Data| data.is_model() && data.records.replay.is_none();
     let phase = |data: &Data| is_planned(data).then(|| data.trial().phase_deg.unwrap_or_default());
     if let (Some(one), Some(other)) = (phase(a), phase(b))
@@ -33,8 +33,8 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     Ok(robot_difference(&robot(a)?, &robot(b)?).map(|text| format!("the robots differ: {text}")))
 }
 
-/// Returns whether two logs are of one recording: a copy, or one that was recovered or cut. It agrees with itself whatever
-/// the robot did.
+/// Returns whether two logs are the same recording, possibly copied, recovered or cut. Comparing a recording with
+/// itself shows nothing.
 fn is_same_recording(a: &Data, b: &Data) -> bool {
     let count = a.readings.len().min(b.readings.len());
     a.is_recorded() && b.is_recorded() && count > 0 && a.readings[..count] == b.readings[..count]

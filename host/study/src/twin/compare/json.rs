@@ -1,4 +1,4 @@
-//! The keys of a comparison in JSON. Those of `biflag compare --json` that other programs rely on are flat.
+//! The keys of a comparison in JSON. The keys of `biflag compare --json` on which other programs rely are flat.
 
 use super::comparison::{AngleComparison, Comparison, Difference, Settling, Transient};
 use super::sides::Sides;
@@ -37,7 +37,7 @@ struct Keys<'a> {
     time_shift_s: f64,
     run_start_s: [f64; 2],
     differences: &'a [Difference],
-    /// Angles whose transients differ; `settling` says whether the settling times do.
+    /// Angles whose transients differ; `settling` states whether the settling times differ.
     transient_differences: Vec<&'static str>,
     agrees: bool,
     beyond_chance: bool,

@@ -1,7 +1,8 @@
 //! Compares measured and modelled attitude over a trial.
 //!
-//! Both are put on a common clock, which is zero when the motors start, and referred to the still phase before the run
-//! ([`Zeroed`]). Errors are modelled minus measured values. Steady states and transients are judged each by themselves.
+//! Both are put on a common clock, which is zero when the motors start, and expressed relative to the still phase
+//! before the run ([`Zeroed`]). Errors are modelled minus measured values. Steady states and transients are judged
+//! separately.
 
 mod aligned;
 mod comparison;
@@ -42,7 +43,7 @@ pub enum OnMismatch {
     Accept,
 }
 
-/// A comparison with the data that the page shows.
+/// A comparison, with the data shown on the page.
 #[derive(Clone, Debug)]
 pub struct Compared {
     /// The results.
@@ -54,13 +55,13 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// Returns the attitude of a trial: the measured one of its comparison, if there is one.
+    /// Returns the attitude of a trial: the measured attitude of its comparison, if there is one.
     pub fn measured_or_own<'a>(compared: Option<&'a Self>, data: &Data) -> Cow<'a, Zeroed> {
         compared.map_or_else(|| Cow::Owned(Zeroed::new(data)), |compared| Cow::Borrowed(&compared.measured))
     }
 }
 
-/// Compares a trial with another one, which is modelled or measured.
+/// Compares a trial with another modelled or measured trial.
 ///
 /// # Errors
 /// [`TwinError::Incomparable`] if the trials do not match or overlap, [`TwinError::Unusable`] if one of them has no

@@ -30,18 +30,18 @@ impl<'a> Side<'a> {
         Ok(Self { data, zeroed, steady })
     }
 
-    /// Returns the time for which there are angles, from the start of the run.
+    /// Returns the time range with angles, relative to the start of the run.
     pub fn span(&self) -> Range<f64> {
         let span = self.zeroed.span();
         span.start - self.zeroed.run.start..span.end - self.zeroed.run.start
     }
 
-    /// Returns how long the run is, as far as there are angles.
+    /// Returns the time from the start of the run to its last angle, s.
     pub fn run_s(&self) -> f64 {
         self.zeroed.seen_run().end - self.zeroed.run.start
     }
 
-    /// Returns a time on the clock of the log.
+    /// Converts a time from the run's start to the log's clock.
     pub fn on_clock(&self, from_start: &Range<f64>) -> Range<f64> {
         self.zeroed.run.start + from_start.start..self.zeroed.run.start + from_start.end
     }
@@ -65,13 +65,13 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Returns whether one is the replay of the other.
+    /// Returns whether the model is a replay of the measurement.
     pub fn is_replay(&self) -> bool {
         is_replay_of(self.modelled.data, self.measured.data)
     }
 }
 
-/// Returns whether one log is the replay of another, whose hash was read.
+/// Returns whether a log is the replay of a recording read with its hash.
 pub fn is_replay_of(replay: &Data, recording: &Data) -> bool {
     match (&replay.records.replay, &recording.sha256) {
         (Some(replay), Some(sha256)) => replay.source_sha256 == *sha256,

@@ -1,21 +1,21 @@
-//! Estimates the remaining time shift between two attitudes that are aligned at the start of their motors.
+//! Estimates the remaining time shift between two attitudes aligned at the start of their motors.
 //!
 //! Motors reach their speed differently, and sensors have different delays. The shift maximises the correlation of the
 //! two attitudes, including the still phase before the run, because the start of a transient cannot be located from the
 //! transient alone. A correlation does not depend on scale and zero, so a model that turns too far is not mistaken for
-//! one that is late.
+//! a late one.
 
 /// Points per second of a comparison.
 pub(super) const RATE_HZ: f64 = 20.0;
 
-/// Largest shift that is considered, s.
+/// Largest shift considered, s.
 const LARGEST_S: f64 = 0.5;
 
 /// Steps of the search, s.
 const STEP_S: f64 = 0.01;
 
-/// A shift is accepted if it explains at least this share of the variance that is unexplained without it. A shift
-/// cannot explain wrong time constants.
+/// A shift is accepted if it explains at least this share of the variance unexplained without it. A shift cannot
+/// explain wrong time constants.
 const EXPLAINED: f64 = 0.75;
 
 /// Largest difference that is negligible, degrees RMS.
@@ -29,7 +29,7 @@ pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
         return 0.0;
     }
     let inside = margin..measured.len() - margin;
-    // Variance of each angle that a linear function of the other does not explain, degrees².
+    // Variance not explained by a linear function of the other attitude, summed over the angles, degrees².
     let unexplained = |shift: f64| {
         let offset = -shift * RATE_HZ;
         let (whole, share) = (offset.floor(), offset - offset.floor());

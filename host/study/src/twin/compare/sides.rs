@@ -1,9 +1,9 @@
-//! What two compared trials are called.
+//! The kinds of two compared trials, and their names in texts.
 
 use crate::trial::Data;
 use serde::Serialize;
 
-/// What two compared trials are. Neither two recordings nor two models are ever called a measurement and its model.
+/// The kinds of two compared trials. Two recordings, or two models, must not be called a measurement and its model.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[serde(rename_all = "snake_case")]
 pub enum Sides {
@@ -37,7 +37,7 @@ impl Sides {
         }
     }
 
-    /// Returns what both are called in legends and tables.
+    /// Returns the names of both in legends and tables.
     pub fn names(self) -> [&'static str; 2] {
         match self {
             Self::MeasurementAndModel => ["measured", "model"],

@@ -7,9 +7,9 @@ use crate::attitude::student_95;
 use crate::trial::{Budget, Causes};
 use std::ops::Range;
 
-/// Steady yaw, pitch and roll of both trials: means over the same time.
+/// Steady yaw, pitch and roll of both trials, averaged over the same time.
 pub(super) struct SteadyPair {
-    /// That time, from the start of the run, s.
+    /// The averaging window, from the start of the run, s.
     pub window: Range<f64>,
     pub measured_deg: [f64; 3],
     pub modelled_deg: [f64; 3],
@@ -20,14 +20,14 @@ pub(super) struct ErrorCauses {
     pub budget: Budget,
     /// See [`Causes::effects_deg`].
     pub effects_deg: Vec<f64>,
-    /// Standard uncertainty of the second trial's own.
+    /// Standard uncertainty from the second trial's own errors.
     pub other_u_deg: f64,
 }
 
 impl SteadyPair {
-    /// Returns the steady angles of each trial, as every command states them. For runs of different lengths they are means over
-    /// the end of the shorter one. The angles of a model beside a measurement are means over the same window: its means over
-    /// both motor angles would differ by a part of a beat.
+    /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the
+    /// window is at the end of the shorter one. A model beside a measurement has the measurement's window, because its
+    /// own means over both motor angles would differ by part of a beat.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let Range { start, end } = measured.steady.window;
@@ -56,13 +56,14 @@ impl SteadyPair {
         [0, 1, 2].map(|k| self.modelled_deg[k] - self.measured_deg[k])
     }
 
-    /// Returns the turns by which the yaws differ because a log has a gap; 0 without long gaps.
+    /// Returns the whole turns by which the yaws differ due to a gap in a log; 0 without long gaps.
     pub fn missing_turns(&self, pair: &Pair) -> f64 {
         let has_long_gap = pair.measured.data.has_long_gap() || pair.modelled.data.has_long_gap();
         if has_long_gap { (self.error_deg()[0] / 360.0).round() } else { 0.0 }
     }
 
-    /// Returns the causes of uncertainty of the errors of yaw, pitch and roll; `None` where they are unknown.
+    /// Returns the causes of uncertainty of the errors of yaw, pitch and roll; `None` for an angle whose causes are
+    /// unknown.
     pub fn causes(&self, pair: &Pair) -> [Option<ErrorCauses>; 3] {
         let is_same = pair.is_of_one_sensor();
         let of = |side: &Side| side.zeroed.causes(&side.on_clock(&self.window));

@@ -1,12 +1,12 @@
-//! Whether two attitudes approach their steady ends alike.
+//! Compares how two attitudes approach their steady ends.
 //!
-//! The run is divided into blocks of some seconds, over which the wobble of the robot with its flagella averages out. Let r
-//! be the errors of the blocks and C their covariance by what is known of the measurement: drift, noise, and the sensor's
-//! errors, which make neighbours alike. The mean of r over the steady end, d, is judged by itself. What it explains of the
-//! other blocks is their regression on it, C w / (wᵀ C w) d, where w averages over the steady end; a scale error of the
-//! gyroscope, for one, is in all blocks in proportion to their yaw. What is left, r - C w / (wᵀ C w) d, is independent of d,
-//! and its covariance is C - C w wᵀ C / (wᵀ C w) (conditional normal distribution). Its root mean square is compared with
-//! what that covariance allows ([`ExpectedRms`]), plus the tolerance of the model.
+//! The run is divided into blocks of some seconds, over which the wobble of the robot with its flagella averages out.
+//! Let r be the errors of the blocks and C their covariance due to the measurement: drift, noise, and the sensor's
+//! errors, which correlate neighbours. The mean of r over the steady end, d, is judged separately. It explains the part
+//! C w / (wᵀ C w) d of the other blocks, their regression on d, where w averages over the steady end. For example, a
+//! scale error of the gyroscope affects all blocks in proportion to their yaw. The remainder, r - C w / (wᵀ C w) d, is
+//! independent of d, and its covariance is C - C w wᵀ C / (wᵀ C w) (conditional normal distribution). Its root mean
+//! square is compared with the bound from this covariance ([`ExpectedRms`]), plus the tolerance of the model.
 
 use super::aligned::Aligned;
 use super::comparison::{Settling, Transient, Uncertainty};
@@ -18,25 +18,25 @@ use sim::accuracy::ModelError;
 use sim::trial::means::settled_within_deg;
 use std::ops::Range;
 
-/// The most blocks; a longer run has longer ones.
+/// Largest number of blocks; a longer run has longer blocks.
 const MOST_BLOCKS: f64 = 200.0;
 
-/// Fewest blocks before the steady end of a run whose transient is judged.
+/// Fewest blocks before the steady end for judging the transient.
 const LEAST_BLOCKS: usize = 3;
 
 /// Smallest share of a block in which both attitudes are known.
 const LEAST_SHARE: f64 = 0.5;
 
-/// Error of a replayed transient that is not the robot's, degrees: the speeds are those of the encoders between their
+/// Error of a replayed transient that is not due to the robot, degrees: the speeds are interpolated between encoder
 /// counts, and start and time shift are known to some hundredths of a second.
 pub(super) const TOLERANCE_DEG: f64 = 0.1;
 
-/// Half width of a 95 % interval over the standard deviation.
+/// Half width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;
 
 /// Means over a part of the run.
 struct Block {
-    /// From the start of the run, s.
+    /// Middle of the block, from the start of the run, s.
     middle_s: f64,
     measured_deg: [f64; 3],
     modelled_deg: [f64; 3],
@@ -48,12 +48,12 @@ struct Block {
 pub(super) struct Blocks {
     blocks: Vec<Block>,
     length_s: f64,
-    /// Of yaw, pitch and roll; `None` if the uncertainty of one of both attitudes is unknown.
+    /// Covariances of yaw, pitch and roll; `None` if the uncertainty of either attitude is unknown.
     covariances: Option<[DMatrix<f64>; 3]>,
 }
 
 impl Blocks {
-    /// Divides the common run, whose steady end is `window`; `None` if it is too short.
+    /// Divides the common run, whose steady end is `window`; returns `None` if it is too short.
     pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Option<Self> {
         let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
         let count = (window.end / length_s + 1e-6).floor() as usize;
@@ -95,7 +95,7 @@ impl Blocks {
         Some(Self { blocks, length_s, covariances })
     }
 
-    /// Judges the transient of an angle (0 to 2: yaw, pitch, roll). `uncertainty`: that of its steady error.
+    /// Judges the transient of an angle (0 to 2: yaw, pitch, roll). `uncertainty`: uncertainty of its steady error.
     pub fn transient(&self, angle: usize, uncertainty: Uncertainty, model: Option<&ModelError>) -> Option<Transient> {
         let covariance = &self.covariances.as_ref()?[angle];
         let count = self.blocks.len();
@@ -105,7 +105,7 @@ impl Blocks {
         let weights = DVector::from_fn(count, |i, _| if self.blocks[i].is_steady { 1.0 / steady } else { 0.0 });
         let along = covariance * &weights;
         let variance = weights.dot(&along);
-        // Between models there is nothing that an error could explain.
+        // Between models the variance is zero, and the steady error explains nothing.
         let explained = if variance > 0.0 { &along / variance } else { DVector::zeros(count) };
         let left = &errors - &explained * weights.dot(&errors);
         let covariance = covariance - &explained * along.transpose();
@@ -126,8 +126,8 @@ impl Blocks {
         })
     }
 
-    /// Returns whether the attitudes settle at different times: not within a block of each other, whatever of its
-    /// uncertainty each block has on which side of the limit.
+    /// Returns whether the attitudes settle at different times: more than a block apart for any values within the
+    /// uncertainties.
     fn settle_apart(&self) -> bool {
         let [one, other] = [|block: &Block| block.measured_deg, |block: &Block| block.modelled_deg]
             .map(|of: fn(&Block) -> [f64; 3]| self.settled_between(of));
@@ -140,7 +140,7 @@ impl Blocks {
         let covariances = self.covariances.as_ref()?;
         let steady: Vec<usize> = (0..self.blocks.len()).filter(|i| self.blocks[*i].is_steady).collect();
         let mean = |value: &dyn Fn(usize) -> f64| steady.iter().map(|i| value(*i)).sum::<f64>() / steady.len() as f64;
-        // Distance from the final value beyond the limit, and its uncertainty.
+        // Excess of the distance from the final value over the limit, and its uncertainty.
         let beyond = |i: usize, angle: usize| {
             let covariance = &covariances[angle];
             let last = mean(&|j| of(&self.blocks[j])[angle]);
@@ -163,7 +163,7 @@ impl Blocks {
     }
 }
 
-/// Returns when both attitudes settled. `blocks`: none for a run that is too short.
+/// Returns the settling times of both attitudes. `blocks`: `None` for a run that is too short.
 pub(super) fn settling(pair: &Pair, aligned: &Aligned, blocks: Option<&Blocks>) -> Settling {
     let [measured_s, modelled_s] = [&pair.measured, &pair.modelled].map(|side| side.steady.settle_s);
     if aligned.lengths_s.is_some() {

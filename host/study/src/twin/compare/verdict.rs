@@ -1,4 +1,4 @@
-//! A comparison as a sentence: what differs, what agrees within what, and what limits it.
+//! A comparison as a sentence: the differences, the bounds of the agreement, and their limits.
 //!
 //! Trials agree if both their steady states and their transients do.
 
@@ -87,7 +87,8 @@ fn transients(comparison: &Comparison, is_known: bool) -> Option<String> {
     Some(format!("the transients differ: {}", parts.join(", ")))
 }
 
-/// Says what keeps the trial from showing smaller differences. The model's own error has a clause of its own.
+/// Returns the limits that keep the trial from showing smaller differences. The model's own error has a separate
+/// clause.
 fn limits(agreeing: &[&AngleComparison]) -> Option<String> {
     let limited = |by: Limit, what: &str| {
         let names: Vec<_> =

@@ -26,36 +26,36 @@ pub struct SessionComparison {
     pub roll_rmse_deg: Option<f64>,
     /// The same for the steady errors of yaw, pitch and roll.
     pub steady_rms_error_deg: Option<[f64; 3]>,
-    /// The steady errors of all trials together; empty where their uncertainty is not known.
+    /// The steady errors of all trials together, without angles whose uncertainty is unknown.
     pub angles: Vec<SessionAngle>,
-    /// How many differences chance explains; `None` where nothing is left to chance.
+    /// Expected and found differences; `None` if no test involves chance.
     pub chance: Option<Chance>,
     /// The differences of all trials as text.
     pub verdict: String,
-    /// Findings about all logs, also those that belong to no trial.
+    /// Findings about all logs, including those that belong to no trial.
     pub findings: Vec<LogFinding>,
 }
 
 impl SessionComparison {
-    /// Returns whether every trial was compared, and nothing is to be said against any.
+    /// Returns whether every trial was compared, without warnings or grave findings.
     pub fn is_sound(&self) -> bool {
         let warned = self.trials.iter().any(|trial| !trial.warnings.is_empty());
         self.skipped.is_empty() && !warned && !self.findings.iter().any(|of_log| of_log.finding.grave)
     }
 
-    /// Returns whether no trial differs, nor do all of them together.
+    /// Returns whether no trial differs, and neither do all trials together.
     pub fn agrees(&self) -> bool {
         self.trials.iter().all(Comparison::agrees) && !self.angles.iter().any(SessionAngle::differs)
     }
 }
 
-/// The steady errors of an angle in all trials. Errors of the sensor are common to its trials, so that they do not average
+/// The steady errors of an angle in all trials. Errors of the sensor are common to its trials, so they do not average
 /// out.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct SessionAngle {
     /// `yaw`, `pitch` or `roll`.
     pub angle: &'static str,
-    /// Number of trials whose uncertainty is known.
+    /// Number of trials with known uncertainty.
     pub trials: usize,
     /// Mean error.
     pub mean_error_deg: f64,
@@ -63,7 +63,7 @@ pub struct SessionAngle {
     pub mean_uncertainty_deg: f64,
     /// Root mean square of the errors.
     pub rms_error_deg: f64,
-    /// What 95 of 100 sessions without a difference stay below.
+    /// Bound that 95 of 100 sessions without a difference do not exceed.
     pub rms_allowed_deg: f64,
     /// Number of independent trials with the same scatter of the mean square.
     pub independent_trials: f64,
@@ -76,16 +76,16 @@ impl SessionAngle {
     }
 }
 
-/// How many differences of steady angles chance explains.
+/// The number of differences of steady angles, compared with chance.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct Chance {
-    /// Number of tests: angles whose uncertainty is known.
+    /// Number of tests: angles with known uncertainty.
     pub tests: usize,
-    /// Differences that were found.
+    /// Number of differences found.
     pub alarms: usize,
-    /// Differences that are expected if there are none: one in twenty tests.
+    /// Number expected if there are no real differences: one in twenty tests.
     pub expected_alarms: f64,
-    /// Trials with a difference that chance does not explain in so many tests
+    /// Trials with a difference that chance does not explain, given the number of tests
     /// ([`crate::statistics::beyond_chance`]).
     pub beyond: Vec<String>,
 }

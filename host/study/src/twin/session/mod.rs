@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Pairs of trials to compare.
 #[derive(Clone, Debug)]
 pub struct Pairs {
-    /// The measured session or log, and the one that it is compared with.
+    /// The measured session or log, and the other one.
     pub paths: [PathBuf; 2],
     pairs: Vec<Pair>,
     skipped: Vec<Skipped>,
@@ -31,7 +31,7 @@ struct Pair {
 }
 
 impl Pairs {
-    /// Pairs the trials of two sessions or logs that have the same speeds, repeat by repeat.
+    /// Pairs the trials of two sessions or logs at the same speeds, repeat by repeat.
     ///
     /// # Errors
     /// [`TwinError`] if there are none.
@@ -77,7 +77,7 @@ impl Pairs {
 }
 
 /// Compares pairs of trials. `want` lists the optional parts of the logs to read; `then` is called with each comparison
-/// and both trials. A pair that cannot be compared is skipped, unless none can.
+/// and both trials. A pair that cannot be compared is skipped, unless no pair can be compared.
 ///
 /// # Errors
 /// [`TwinError`] if no pair can be compared.
@@ -106,7 +106,7 @@ pub fn compare_pairs<T: Send>(
 type Named<T> = (String, Result<(Comparison, T), TwinError>);
 
 impl<T> Replays<Result<(Comparison, T), TwinError>> {
-    /// Summarises comparisons of recordings with these replays. `paths`: the sessions of both.
+    /// Summarises comparisons of recordings with these replays. `paths`: both sessions.
     ///
     /// # Errors
     /// [`TwinError`] if no trial could be compared, or if the first reason applies to all trials.

@@ -1,4 +1,4 @@
-//! The steady errors of all trials of a session together, and how many of them chance explains.
+//! The steady errors of all trials of a session together, compared with chance.
 
 use super::comparison::{Chance, SessionAngle};
 use crate::attitude::student_95;
@@ -6,10 +6,10 @@ use crate::statistics::{ExpectedRms, beyond_chance};
 use crate::twin::{AngleComparison, Comparison, Uncertainty};
 use nalgebra::DMatrix;
 
-/// Share of tests that find a difference where there is none.
+/// Share of tests that find a difference although there is none.
 const ALARMS: f64 = 0.05;
 
-/// Returns the steady errors of each angle over all trials; none of an angle whose uncertainty is not known, or nil.
+/// Returns the steady errors over all trials for each angle with a known, nonzero uncertainty.
 pub(super) fn angles(trials: &[Comparison]) -> Vec<SessionAngle> {
     [0, 1, 2].into_iter().filter_map(|k| of_angle(trials, k)).collect()
 }
@@ -28,7 +28,7 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
         }
         let is_one_sensor = trials[i].sensors == trials[j].sensors;
         let sensor = if is_one_sensor { one.iter().zip(other).map(|(one, other)| one * other).sum() } else { 0.0 };
-        // Repeats may be compared with one and the same recording.
+        // Several repeats may be compared with the same recording.
         let is_one_trial = trials[i].modelled == trials[j].modelled;
         sensor + if is_one_trial { angle(i).other_u_deg.powi(2) } else { 0.0 }
     });
@@ -49,8 +49,8 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
     })
 }
 
-/// Counts the differences, and marks the trials with one that chance does not explain. `None` where nothing is left to
-/// chance.
+/// Counts the differences, and marks the trials with a difference that chance does not explain. Returns `None` if no
+/// test involves chance.
 pub(super) fn chance(trials: &mut [Comparison]) -> Option<Chance> {
     let of_trial = |trial: &Comparison| trial.angles().map(AngleComparison::p_value);
     let tests: Vec<(usize, f64)> = (trials.iter().enumerate())
@@ -73,7 +73,8 @@ pub(super) fn chance(trials: &mut [Comparison]) -> Option<Chance> {
 mod tests {
     use super::*;
 
-    /// Returns a trial with an error of the yaw, of which `noise_deg` is the trial's and `scale_deg` the sensor's.
+    /// Returns a trial with an error of the yaw. Its uncertainty is `noise_deg` from the trial and `scale_deg` from the
+    /// sensor.
     pub fn trial(name: &str, error_deg: f64, noise_deg: f64, scale_deg: f64) -> Comparison {
         let u_deg = noise_deg.hypot(scale_deg);
         let uncertainty = Some(Uncertainty {
@@ -101,7 +102,7 @@ mod tests {
         let scale = of(0.0, 0.4);
         assert!((scale.mean_uncertainty_deg - 1.96 * 0.4).abs() < 1e-3 && !scale.differs(), "{scale:?}");
         assert!((scale.independent_trials - 1.0).abs() < 1e-9 && (scale.rms_allowed_deg - 1.96 * 0.4).abs() < 1e-3);
-        // Trials whose yaws are opposite have opposite errors of one scale.
+        // Trials with opposite yaws have opposite errors from the same scale.
         let opposite: Vec<Comparison> = [1.0, -1.0].map(|sign| trial("", sign, 0.1, 0.4 * sign)).into();
         let [yaw] = angles(&opposite).try_into().unwrap();
         assert!((yaw.mean_uncertainty_deg - 1.96 * 0.1 / 2f64.sqrt()).abs() < 1e-3, "{yaw:?}");
@@ -117,7 +118,7 @@ mod tests {
             })
             .collect();
         let [yaw] = angles(&trials).try_into().unwrap();
-        // A sixteenth of 0.3² beside 0.4².
+        // 0.3² is divided by sixteen trials; 0.4² is common.
         assert!((yaw.mean_uncertainty_deg - 1.96 * (0.09f64 / 16.0 + 0.16).sqrt()).abs() < 1e-3, "{yaw:?}");
     }
 

@@ -23,7 +23,7 @@ pub(super) fn verdict(trials: &[Comparison], angles: &[SessionAngle], chance: Op
     capitalised(&clauses.join("; "))
 }
 
-/// Returns what the trials are. Those of a session may be of different kinds only after somebody has put logs into it.
+/// Returns the subject of the sentence. The trials of a session only differ in kind if the user has added logs.
 fn sides(trials: &[Comparison]) -> &'static str {
     match trials.split_first() {
         Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
@@ -83,7 +83,7 @@ fn smallest(trials: &[Comparison]) -> String {
     }
 }
 
-/// Returns what differs when all trials are taken together.
+/// Returns the differences of all trials together.
 fn together(angles: &[SessionAngle]) -> Option<String> {
     let one = |angle: &SessionAngle| {
         let SessionAngle { angle: name, mean_error_deg, mean_uncertainty_deg, rms_error_deg, rms_allowed_deg, .. } =
@@ -96,7 +96,7 @@ fn together(angles: &[SessionAngle]) -> Option<String> {
             _ => None,
         }
     };
-    // One trial says this itself.
+    // A single trial has its own verdict.
     let found: Vec<String> = angles.iter().filter(|angle| angle.trials > 1).filter_map(one).collect();
     (!found.is_empty()).then(|| format!("all trials together differ in {}", listed(&found)))
 }
