@@ -126,6 +126,13 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
 
     // The answer is above everything else; the residuals are below each angle.
     assert!(browser.text(&format!("{shown} .answer")).starts_with("Yaw differs by "));
+    // Red is for problems: what differs is a result.
+    for (selector, colour) in [(".answer.differs", "borderLeftColor"), (".multiples b", "color")] {
+        let rgb = browser.evaluate(&format!(
+            "getComputedStyle(document.querySelector('{selector}')).{colour}.match(/\\d+/g).map(Number)"
+        ));
+        assert!(rgb[0].as_u64() < rgb[2].as_u64(), "{selector}: {rgb}");
+    }
     let order = format!(
         "document.querySelector('{shown} .answer').compareDocumentPosition(document.querySelector('{shown} .tiles')) & 4"
     );
@@ -147,10 +154,10 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
         "winding"
     ]);
     assert_eq!(charts, expected);
-    // Where each value of the model's parameters comes from.
+    // Where the values of the model's parameters that differ from the built-in robot come from.
     let sources = browser.text("aside details:has(table thead)");
     assert!(sources.contains("fluid.viscosity_pa_s1.5thick.tomlDynamic viscosity"), "{sources}");
-    assert!(sources.contains("base.mass_kg0.094physicalMass, kg"), "{sources}");
+    assert!(!sources.contains("base.mass_kg0.094"), "{sources}");
 
     // Ghost and forces can be hidden, and the robot seen from above.
     let press = |browser: &mut Browser, selector: &str| {
@@ -259,6 +266,8 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     }
     assert!(csv("Forces").starts_with("time_s,z1_mn,z2_mn,contact,x1_mn,x2_mn,y1_mn,y2_mn\n"));
     assert_eq!(csv("Steady_yaw").lines().count(), 7);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.dark(true);
     assert_eq!(browser.inaccessible(), [""; 0]);
     is_quiet(&browser, &page);
 }
