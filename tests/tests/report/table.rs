@@ -31,7 +31,7 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     let sliders = "[...document.querySelectorAll('.sliders label')].map((label) => label.textContent)";
     let marks = "[...document.querySelectorAll('.sweep [data-at]')].map((mark) => mark.dataset.at)";
     // The stiffness follows from the viscosity and Young's modulus.
-    assert_eq!(browser.evaluate(sliders), json!(["viscosity 1", "young 2000000"]));
+    assert_eq!(browser.evaluate(sliders), json!(["viscosity 1", "Young's modulus 2000000"]));
     let shown = browser.evaluate(marks);
     assert_eq!(shown.as_array().unwrap().len(), 63, "one point has no yaw: {shown}");
     assert_eq!(shown[62], "90,90,-90");
@@ -48,7 +48,7 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
         "for (const [name, value] of [['x', 'viscosity_pa_s'], ['value', 'tilt_deg']]) { \
          const select = document.querySelector(`[name=${name}]`); select.value = value; select.dispatchEvent(new Event('change')); }",
     );
-    assert_eq!(browser.evaluate(sliders), json!(["speed of flagellum 1 (w1) 45", "young 2000000"]));
+    assert_eq!(browser.evaluate(sliders), json!(["speed of flagellum 1 (w1) 45", "Young's modulus 2000000"]));
     assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 24);
     assert_eq!(browser.text(".sweep figure h3"), "tilt over viscosity and speed of flagellum 2 (w2)");
     // Three values of the viscosity are too few for contours.
@@ -93,7 +93,7 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     assert_eq!(browser.evaluate("document.querySelectorAll('.sweep .dot').length"), 40);
     assert_eq!(
         browser.evaluate(sliders),
-        json!(["speed of flagellum 1 (w1) 50", "speed of flagellum 2 (w2) 10", "young all"])
+        json!(["speed of flagellum 1 (w1) 50", "speed of flagellum 2 (w2) 10", "Young's modulus all"])
     );
     // The other pair of speeds follows one of its speeds.
     browser.evaluate("document.querySelectorAll('.sliders input')[0].focus()");
@@ -113,9 +113,9 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     assert_eq!(browser.text(".sweep figure h3"), "yaw over speed of flagellum 1 (w1) and viscosity");
     browser.evaluate("(() => { const s = document.querySelector('[name=y]'); s.value = 'w2_rpm'; s.dispatchEvent(new Event('change')); })()");
     for (slider, key, expected) in [
-        (0, ("Home", 36), ["viscosity 0.5", "young 1000000"]),
-        (1, ("End", 35), ["viscosity 1", "young 2000000"]),
-        (0, ("End", 35), ["viscosity 2", "young 1000000"]),
+        (0, ("Home", 36), ["viscosity 0.5", "Young's modulus 1000000"]),
+        (1, ("End", 35), ["viscosity 1", "Young's modulus 2000000"]),
+        (0, ("End", 35), ["viscosity 2", "Young's modulus 1000000"]),
     ] {
         browser.evaluate(&format!("document.querySelectorAll('.sliders input')[{slider}].focus()"));
         browser.key(key.0, key.1);

@@ -37,6 +37,9 @@ pub(super) struct Map<'a> {
 /// Half the width of a cross, pt.
 const CROSS_PT: f64 = 1.1;
 
+/// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
+const SEEN: f64 = 3.0;
+
 /// Values on a grid: `values[j][i]` and `signed[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
 #[derive(Clone, PartialEq, Debug)]
 struct Grid {
@@ -103,11 +106,14 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
     let levels = scale.ticks(4.0);
     sheet.text(panel.left, panel.top - 0.5 * FONT_PT, Anchor::Start, map.title);
+    let unsettled = map.surface.iter().chain(map.points).filter(|point| !point.is_settled);
+    let marks: Vec<[f64; 2]> =
+        (unsettled.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
     match Grid::of(map.surface) {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
             if grid.xs.len().min(grid.ys.len()) >= CONTOUR_NODES {
-                contours(sheet, panel, &grid, &levels, scale.low);
+                contours(sheet, panel, &grid, &levels, (scale.low, &marks));
             }
         }
         None => {
@@ -133,8 +139,8 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     colour_bar(sheet, panel, &scale, &levels, &shade);
 }
 
-/// Draws the contours of the levels above `least`, each with its value where there is room.
-fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], least: f64) {
+/// Draws the contours of the levels above `least`, each with its value where there is room and where it covers none of `marks`.
+fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], (least, marks): (f64, &[[f64; 2]])) {
     let at = |[x, y]: [f64; 2]| panel.at(x, y);
     let lines: Vec<(f64, Vec<[[f64; 2]; 2]>)> = (levels.iter().filter(|level| **level > least))
         .map(|level| (*level, grid.contour(*level).into_iter().map(|ends| ends.map(at)).collect()))
@@ -149,18 +155,25 @@ fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], least
     for (level, segments) in &lines {
         let text = tick_text(*level, levels);
         let half = 0.26 * FONT_PT * text.chars().count() as f64;
+        let length: f64 = segments.iter().map(|[[x0, y0], [x1, y1]]| (x1 - x0).hypot(y1 - y0)).sum();
+        if length < SEEN * 2.0 * half {
+            continue;
+        }
         let right = panel.left + panel.width;
-        // Room between a label and the frame or another label, negative if they overlap.
+        // Room between a label and the frame, a mark or another label, negative if they overlap.
         let room = |[x, y]: [f64; 2]| {
             let of_frame = [x - panel.left, right - x].map(|room| room - half);
             let of_height = [y - panel.top, panel.bottom() - y].map(|room| room - 0.5 * FONT_PT);
-            let of_labels = labels.iter().map(|[u, v]| ((x - u).abs() - 2.5 * half).max((y - v).abs() - FONT_PT));
-            of_frame.into_iter().chain(of_height).chain(of_labels).fold(f64::INFINITY, f64::min)
+            let between =
+                |u: f64, v: f64, [width, height]: [f64; 2]| ((x - u).abs() - width).max((y - v).abs() - height);
+            let of_marks = marks.iter().map(|[u, v]| between(*u, *v, [half + CROSS_PT, 0.5 * FONT_PT + CROSS_PT]));
+            let of_labels = labels.iter().map(|[u, v]| between(*u, *v, [2.5 * half, FONT_PT]));
+            of_frame.into_iter().chain(of_height).chain(of_marks).chain(of_labels).fold(f64::INFINITY, f64::min)
         };
         let middles = segments.iter().map(|[[x0, y0], [x1, y1]]| [0.5 * (x0 + x1), 0.5 * (y0 + y1)]);
         let best = middles.map(|middle| (room(middle), middle)).max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((room, [x, y])) = best
-            && room > 1.0
+            && room > 0.5
         {
             sheet.haloed(x, y + 0.35 * FONT_PT, &text);
             labels.push([x, y]);
@@ -315,7 +328,7 @@ mod tests {
             let all = (0..count).flat_map(|i| (0..count).map(move |j| [f64::from(i), f64::from(j)]));
             let surface: Vec<_> =
                 all.map(|at| Point { at, value: at[0], signed: at[0], is_settled: at[0] > 0.5 }).collect();
-            let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.5, 0.5]] };
+            let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.0, 0.0]] };
             draw(&[map], ["x", "y"], &[], 88.0)
         };
         let (coarse, fine) = (drawn(CONTOUR_NODES as i32 - 1), drawn(CONTOUR_NODES as i32));

@@ -222,7 +222,7 @@ biflag.Scene = class {
     return lines;
   }
 
-  /** Writes lines in the upper left corner, or only returns how far they reach. */
+  /** Writes lines in the upper left corner, or only returns where each ends: on the right, above and below. */
   tell(ctx, lines, writes) {
     this.write(ctx, "left", "top");
     ctx.font = `600 12px ${this.font}`;
@@ -234,7 +234,7 @@ biflag.Scene = class {
       ctx.strokeText(words, 12, 11 + 16.5 * i);
       ctx.fillText(words, 12, 11 + 16.5 * i);
     });
-    return [12 + Math.max(...lines.map(([, words]) => ctx.measureText(words).width)), 11 + 16.5 * lines.length];
+    return lines.map(([, words], i) => [12 + ctx.measureText(words).width, 11 + 16.5 * i, 25 + 16.5 * i]);
   }
 
   /** The forces of both flagella at a time, mN. */
@@ -264,16 +264,18 @@ biflag.Scene = class {
     return [r * Math.cos(angle), r * Math.sin(angle), 0.1 * reach];
   }
 
-  /** Returns the numbers of the scale of the yaw and their places. They leave the words in the corner alone. */
-  numbers({ project, scale }, [right, bottom]) {
+  /** Returns the numbers of the scale of the yaw and their places: outside of the ring, or inside of it beside the words of the corner. */
+  numbers({ project, scale }, corner) {
     // A small ring has no room for numbers.
     if (0.24 * this.robots[0].reach * scale < 24) return [];
     const numbers = [];
+    // Seen from the side, opposite angles are at one place.
+    const isFree = ([x, y]) => numbers.every(([, u, v]) => Math.hypot(x - u, y - v) >= 22);
+    const isClear = ([x, y]) => corner.every(([right, top, bottom]) => x - 14 > right || y + 6 < top || y - 6 > bottom);
     for (const [i, words] of ["0°", "90°", "180°", "−90°"].entries()) {
-      const [x, y] = project(this.onRing((i * Math.PI) / 2, 1.24));
-      // Seen from the side, opposite angles are at one place.
-      if (numbers.some(([, u, v]) => Math.hypot(x - u, y - v) < 22) || (x - 14 < right && y - 7 < bottom)) continue;
-      numbers.push([words, x, y]);
+      const places = [1.24, 0.62].map((share) => project(this.onRing((i * Math.PI) / 2, share)));
+      const place = places.find(isClear) ?? places[0];
+      if (isFree(place)) numbers.push([words, place[0], place[1]]);
     }
     return numbers;
   }
