@@ -226,12 +226,9 @@ biflag.Scene = class {
   tell(ctx, lines, writes) {
     this.write(ctx, "left", "top");
     ctx.font = `600 12px ${this.font}`;
-    // A rim of the background keeps the words legible in front of the tank.
-    [ctx.strokeStyle, ctx.lineWidth] = [this.css.card, 3];
     lines.forEach(([colour, words], i) => {
       if (!writes) return;
       ctx.fillStyle = this.css[colour];
-      ctx.strokeText(words, 12, 11 + 16.5 * i);
       ctx.fillText(words, 12, 11 + 16.5 * i);
     });
     return lines.map(([, words], i) => [12 + ctx.measureText(words).width, 11 + 16.5 * i, 25 + 16.5 * i]);
@@ -264,7 +261,8 @@ biflag.Scene = class {
     return [r * Math.cos(angle), r * Math.sin(angle), 0.1 * reach];
   }
 
-  /** Returns the numbers of the scale of the yaw and their places: outside of the ring, or inside of it beside the words of the corner. */
+  /** Returns the numbers of the scale of the yaw and their places: outside of the ring, or inside where the words of the corner
+   * are. */
   numbers({ project, scale }, corner) {
     // A small ring has no room for numbers.
     if (0.24 * this.robots[0].reach * scale < 24) return [];
@@ -280,13 +278,16 @@ biflag.Scene = class {
     return numbers;
   }
 
-  /** Writes words at places, legible in front of the robot. */
+  /** Writes words at places, on a plate that keeps them legible in front of the robot: on paper, rims of letters are a second
+   * text. */
   label(ctx, words) {
     this.write(ctx, "center", "middle");
-    [ctx.strokeStyle, ctx.lineWidth] = [this.css.card, 3];
-    for (const one of words) {
-      ctx.strokeText(...one);
-      ctx.fillText(...one);
+    for (const [text, x, y] of words) {
+      const width = ctx.measureText(text).width + 4;
+      [ctx.fillStyle, ctx.globalAlpha] = [this.css.card, 0.7];
+      ctx.fillRect(x - width / 2, y - 7, width, 13);
+      [ctx.fillStyle, ctx.globalAlpha] = [this.css.soft, 1];
+      ctx.fillText(text, x, y);
     }
   }
 
