@@ -81,13 +81,15 @@ fn what_cannot_be_filmed_is_wrong_use() {
     ] {
         let output = biflag(folder, args);
         assert_eq!(code(&output), Some(2), "{output:?}");
-        assert!(String::from_utf8_lossy(&output.stderr).contains(why), "{output:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(why) && !said.contains("film: frames"), "{said}");
     }
     assert!(!folder.join("film.gif").exists());
     // Without shapes, rigid helices turn; a part of the run is shown as asked.
     let output = biflag(folder, &["film", log, "-o", "film.gif", "--time", "0.5,1.5", "--speed", "0.5"]);
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(text.contains("50 frames, 2.0 s; the log has no shapes"), "{output:?}");
+    assert_eq!(String::from_utf8_lossy(&output.stderr).matches("film: frames").count(), 1, "{output:?}");
     let (width, height, images) = decode(&folder.join("film.gif"));
     assert_eq!((width, height, images.len()), (360, 540, 50));
     assert!(images[0] != images[25], "it moves");

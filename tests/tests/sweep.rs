@@ -40,8 +40,16 @@ fn killed_shards_give_the_same_table() {
     bench.file("plan.toml", PLAN);
     let begun = Instant::now();
     bench.run(["sweep", "plan.toml", "--out", "serial", "--jobs", "1"]).expect_code(3);
-    bench.run(["report", "serial", "--json"]).expect_code(0);
+    let report = bench.run(["report", "serial", "--json"]).expect_code(0).json();
     let whole = begun.elapsed();
+    let page = std::fs::read_to_string(bench.path().join(report["html"].as_str().unwrap())).unwrap();
+    for plan in [
+        "<td>group.stiffness</td><td>0.5, 2</td>",
+        "<td>every pair of w1 = −60 to 60 by 40 and w2 = 20, 60 rpm</td>",
+        ">Computed by</th><td>biflag ",
+    ] {
+        assert!(page.contains(plan), "the page of a sweep shows its plan: {plan}");
+    }
     let wanted = tables(&bench.path().join("serial"));
     let mut random = Random(0x5EED_0000_0000_0007);
     for (round, shards) in [1, 3, 8].into_iter().enumerate() {

@@ -29,7 +29,7 @@ impl Column {
         let words = match self.name.as_str() {
             "w1_rpm" => "speed of flagellum 1 (w1)".to_owned(),
             "w2_rpm" => "speed of flagellum 2 (w2)".to_owned(),
-            name => without_unit(name).replace('_', " "),
+            name => without_unit(name).replace('_', " ").replace("young", "Young's modulus"),
         };
         let unit = match self.unit.as_str() {
             "deg" => "°",

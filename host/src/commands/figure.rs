@@ -89,6 +89,8 @@ enum Subject {
         paper: Paper,
     },
     /// Draw maps of |yaw|, |pitch|, |roll| and tilt over both speeds.
+    ///
+    /// Contours are straight between neighbouring speeds; a grid of fewer than 8 speeds of a flagellum has none.
     Map {
         /// The session or the sweep.
         #[arg(value_name = "SESSION|SWEEP")]

@@ -42,8 +42,10 @@ fn speed(text: &str) -> Result<f64, String> {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let options = Options { time_s: args.time, speed: args.speed, width: args.width };
     let progress = Progress::new(1.0);
-    progress.phase("film", "frames");
-    let film = film::write(&args.log, &args.output, &options, &|drawn, all| progress.within(drawn as f64 / all as f64));
+    let film = film::write(&args.log, &args.output, &options, &|drawn, all| match drawn {
+        0 => progress.phase("film", "frames"),
+        drawn => progress.within(drawn as f64 / all as f64),
+    });
     progress.finish();
     let film = film?;
     let file = args.output.to_string_lossy();

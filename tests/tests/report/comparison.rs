@@ -25,6 +25,8 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     let top = "document.querySelector('section.trial:not([hidden]) .view3d').getBoundingClientRect().top";
     let top = browser.evaluate(top).as_f64().unwrap();
     assert!(top < 500.0, "the page opens on the robot, which begins at {top} of 900 pixels");
+    let stops = browser.evaluate(STOPS).as_u64().unwrap();
+    assert!(stops <= 40, "{stops} stops of the Tab key");
     browser.picture(&picture("comparison.png"));
     // The results alone, on five pages: a form feed ends each.
     let text = printed(&mut browser, "comparison.pdf");
@@ -70,6 +72,10 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     assert_eq!(browser.evaluate(fits), json!(688), "the page fits the paper");
     is_quiet(&browser, &page);
 }
+
+/// Returns the number of stops of the Tab key.
+const STOPS: &str = "[...document.querySelectorAll('a[href], button, input, select, summary, [tabindex]')].filter((e) => \
+                     e.tabIndex >= 0 && !e.disabled && e.checkVisibility()).length";
 
 /// Saves every figure of the page in every format; returns title, format, type, size and text of each file.
 const SAVE_ALL: &str = "(async () => {
@@ -126,6 +132,13 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
 
     // The answer is above everything else; the residuals are below each angle.
     assert!(browser.text(&format!("{shown} .answer")).starts_with("Yaw differs by "));
+    // Red is for problems: what differs is a result.
+    for (selector, colour) in [(".answer.differs", "borderLeftColor"), (".multiples b", "color")] {
+        let rgb = browser.evaluate(&format!(
+            "getComputedStyle(document.querySelector('{selector}')).{colour}.match(/\\d+/g).map(Number)"
+        ));
+        assert!(rgb[0].as_u64() < rgb[2].as_u64(), "{selector}: {rgb}");
+    }
     let order = format!(
         "document.querySelector('{shown} .answer').compareDocumentPosition(document.querySelector('{shown} .tiles')) & 4"
     );
@@ -147,10 +160,10 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
         "winding"
     ]);
     assert_eq!(charts, expected);
-    // Where each value of the model's parameters comes from.
+    // Where the values of the model's parameters that differ from the built-in robot come from.
     let sources = browser.text("aside details:has(table thead)");
     assert!(sources.contains("fluid.viscosity_pa_s1.5thick.tomlDynamic viscosity"), "{sources}");
-    assert!(sources.contains("base.mass_kg0.094physicalMass, kg"), "{sources}");
+    assert!(!sources.contains("base.mass_kg0.094"), "{sources}");
 
     // Ghost and forces can be hidden, and the robot seen from above.
     let press = |browser: &mut Browser, selector: &str| {
@@ -195,10 +208,7 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     assert!(view(&mut browser) == seen);
 
     // The Tab key stops once at each group of buttons and at each map; arrow keys go on within it.
-    let stops = browser.evaluate(
-        "[...document.querySelectorAll('a[href], button, input, select, summary, [tabindex]')].filter((e) => e.tabIndex >= 0 && \
-         !e.disabled && e.checkVisibility()).length",
-    );
+    let stops = browser.evaluate(STOPS);
     println!("{stops} stops of the Tab key");
     assert!(stops.as_u64().unwrap() <= 60, "{stops}");
     browser.evaluate(&format!("document.querySelector('{shown} [data-look=perspective]').focus()"));
@@ -259,6 +269,8 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     }
     assert!(csv("Forces").starts_with("time_s,z1_mn,z2_mn,contact,x1_mn,x2_mn,y1_mn,y2_mn\n"));
     assert_eq!(csv("Steady_yaw").lines().count(), 7);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.dark(true);
     assert_eq!(browser.inaccessible(), [""; 0]);
     is_quiet(&browser, &page);
 }

@@ -16,7 +16,7 @@ const RIBBON_MM: f64 = 3.0;
 const RIBBON: [(Bundling, &str, &str); 3] = [
     (Bundling::Apart, "apart", "#e7eaec"),
     (Bundling::Touching, "touching", "#f0b870"),
-    (Bundling::Bundled, "bundled", "#b3261e"),
+    (Bundling::Bundled, "bundled", "#b8651b"),
 ];
 
 /// Columns of the forces.

@@ -1,4 +1,7 @@
 //! Maps of a quantity over two others: cells and contours where the points lie on a grid, and dots elsewhere.
+//!
+//! Contours are straight between neighbouring nodes. On a coarse grid they would show the grid, so that only grids of
+//! [`CONTOUR_NODES`] along both axes have them.
 
 use super::panel::{Axis, Panel, tick_text};
 use super::sheet::{Anchor, FONT_PT, INK, MM, Sheet, Stroke, short};
@@ -7,11 +10,16 @@ use crate::viridis::colour;
 /// The most cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 80;
 
+/// The least nodes along each axis of a grid with contours.
+pub(super) const CONTOUR_NODES: usize = 8;
+
 /// A value at a point of both axes.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Point {
     pub at: [f64; 2],
     pub value: f64,
+    /// The value with its sign, if `value` is its magnitude.
+    pub signed: f64,
     /// Whether the value settled and is the same for all starting phases; a ring marks the others.
     pub is_settled: bool,
 }
@@ -22,14 +30,23 @@ pub(super) struct Map<'a> {
     pub title: &'a str,
     pub surface: &'a [Point],
     pub points: &'a [Point],
+    /// Where a point has no known value; a cross marks it.
+    pub unknown: &'a [[f64; 2]],
 }
 
-/// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
+/// Half the width of a cross, pt.
+const CROSS_PT: f64 = 1.1;
+
+/// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
+const SEEN: f64 = 3.0;
+
+/// Values on a grid: `values[j][i]` and `signed[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
 #[derive(Clone, PartialEq, Debug)]
 struct Grid {
     xs: Vec<f64>,
     ys: Vec<f64>,
     values: Vec<Vec<f64>>,
+    signed: Vec<Vec<f64>>,
 }
 
 /// Draws maps over the same axes, two in a row, with the lines of `under` below them.
@@ -40,8 +57,8 @@ pub(super) fn draw(maps: &[Map], labels: [&str; 2], under_all: &[String], width_
     let width = column - left - right;
     let height = width * 0.9;
     for (i, map) in maps.iter().enumerate() {
-        let all = || map.surface.iter().chain(map.points);
-        let [x, y] = [0, 1].map(|k| extent(&all().map(|point| point.at[k]).collect::<Vec<_>>(), labels[k]));
+        let all = || map.surface.iter().chain(map.points).map(|point| point.at).chain(map.unknown.iter().copied());
+        let [x, y] = [0, 1].map(|k| extent(&all().map(|at| at[k]).collect::<Vec<_>>(), labels[k]));
         let panel = Panel {
             x,
             y,
@@ -89,12 +106,14 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
     let levels = scale.ticks(4.0);
     sheet.text(panel.left, panel.top - 0.5 * FONT_PT, Anchor::Start, map.title);
+    let unsettled = map.surface.iter().chain(map.points).filter(|point| !point.is_settled);
+    let marks: Vec<[f64; 2]> =
+        (unsettled.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
     match Grid::of(map.surface) {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
-            for level in levels.iter().filter(|level| **level > scale.low) {
-                let d = grid.contour(*level, |x, y| panel.at(x, y));
-                sheet.path(&d, Stroke("#ffffff", 0.7, ""));
+            if grid.xs.len().min(grid.ys.len()) >= CONTOUR_NODES {
+                contours(sheet, panel, &grid, &levels, (scale.low, &marks));
             }
         }
         None => {
@@ -111,8 +130,55 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     for Point { at: [x, y], .. } in map.surface.iter().chain(map.points).filter(|point| !point.is_settled) {
         sheet.dot(panel.at(*x, *y), 0.9, "#ffffff", Stroke(INK, 0.4, ""));
     }
+    for [x, y] in map.unknown {
+        let [x, y] = panel.at(*x, *y).map(|at| at - CROSS_PT);
+        let (x, y, size) = (short(x), short(y), short(2.0 * CROSS_PT));
+        sheet.path(&format!("M{x} {y}l{size} {size}m-{size} 0l{size} -{size}"), Stroke(INK, 0.5, ""));
+    }
     frame(sheet, panel);
     colour_bar(sheet, panel, &scale, &levels, &shade);
+}
+
+/// Draws the contours of the levels above `least`, each with its value where there is room and where it covers none of `marks`.
+fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], (least, marks): (f64, &[[f64; 2]])) {
+    let at = |[x, y]: [f64; 2]| panel.at(x, y);
+    let lines: Vec<(f64, Vec<[[f64; 2]; 2]>)> = (levels.iter().filter(|level| **level > least))
+        .map(|level| (*level, grid.contour(*level).into_iter().map(|ends| ends.map(at)).collect()))
+        .collect();
+    for (_, segments) in &lines {
+        let line = |[[x0, y0], [x1, y1]]: &[[f64; 2]; 2]| {
+            format!("M{} {}L{} {}", short(*x0), short(*y0), short(*x1), short(*y1))
+        };
+        sheet.path(&segments.iter().map(line).collect::<String>(), Stroke("#ffffff", 0.7, ""));
+    }
+    let mut labels: Vec<[f64; 2]> = Vec::new();
+    for (level, segments) in &lines {
+        let text = tick_text(*level, levels);
+        let half = 0.26 * FONT_PT * text.chars().count() as f64;
+        let length: f64 = segments.iter().map(|[[x0, y0], [x1, y1]]| (x1 - x0).hypot(y1 - y0)).sum();
+        if length < SEEN * 2.0 * half {
+            continue;
+        }
+        let right = panel.left + panel.width;
+        // Room between a label and the frame, a mark or another label, negative if they overlap.
+        let room = |[x, y]: [f64; 2]| {
+            let of_frame = [x - panel.left, right - x].map(|room| room - half);
+            let of_height = [y - panel.top, panel.bottom() - y].map(|room| room - 0.5 * FONT_PT);
+            let between =
+                |u: f64, v: f64, [width, height]: [f64; 2]| ((x - u).abs() - width).max((y - v).abs() - height);
+            let of_marks = marks.iter().map(|[u, v]| between(*u, *v, [half + CROSS_PT, 0.5 * FONT_PT + CROSS_PT]));
+            let of_labels = labels.iter().map(|[u, v]| between(*u, *v, [2.5 * half, FONT_PT]));
+            of_frame.into_iter().chain(of_height).chain(of_marks).chain(of_labels).fold(f64::INFINITY, f64::min)
+        };
+        let middles = segments.iter().map(|[[x0, y0], [x1, y1]]| [0.5 * (x0 + x1), 0.5 * (y0 + y1)]);
+        let best = middles.map(|middle| (room(middle), middle)).max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((room, [x, y])) = best
+            && room > 0.5
+        {
+            sheet.haloed(x, y + 0.35 * FONT_PT, &text);
+            labels.push([x, y]);
+        }
+    }
 }
 
 fn frame(sheet: &mut Sheet, panel: &Panel) {
@@ -157,10 +223,12 @@ impl Grid {
             return None;
         }
         let mut values = vec![vec![f64::NAN; xs.len()]; ys.len()];
-        for Point { at: [x, y], value, .. } in points {
-            values[ys.partition_point(|other| other < y)][xs.partition_point(|other| other < x)] = *value;
+        let mut signed_values = values.clone();
+        for Point { at: [x, y], value, signed, .. } in points {
+            let (j, i) = (ys.partition_point(|other| other < y), xs.partition_point(|other| other < x));
+            (values[j][i], signed_values[j][i]) = (*value, *signed);
         }
-        Some(Self { xs, ys, values })
+        Some(Self { xs, ys, values, signed: signed_values })
     }
 
     /// Fills the cell of each node; between two nodes is a border.
@@ -179,12 +247,18 @@ impl Grid {
         }
     }
 
-    /// Returns the line of one level as a path, by linear interpolation between the nodes; `at` places a point.
-    fn contour(&self, level: f64, at: impl Fn(f64, f64) -> [f64; 2]) -> String {
-        let mut d = String::new();
+    /// Returns the line of one positive level as straight pieces. A magnitude has a corner where its value changes its sign, which
+    /// may be between nodes: the line is that of both signed values.
+    fn contour(&self, level: f64) -> Vec<[[f64; 2]; 2]> {
+        [level, -level].into_iter().flat_map(|level| self.line(level)).collect()
+    }
+
+    /// Returns the line of one signed value, by linear interpolation between the nodes.
+    fn line(&self, level: f64) -> Vec<[[f64; 2]; 2]> {
+        let mut segments = Vec::new();
         for j in 0..self.ys.len() - 1 {
             for i in 0..self.xs.len() - 1 {
-                let corner = |[di, dj]: [usize; 2]| ([self.xs[i + di], self.ys[j + dj]], self.values[j + dj][i + di]);
+                let corner = |[di, dj]: [usize; 2]| ([self.xs[i + di], self.ys[j + dj]], self.signed[j + dj][i + di]);
                 let corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(corner);
                 if corners.iter().any(|(_, value)| !value.is_finite()) {
                     continue;
@@ -200,13 +274,10 @@ impl Grid {
                 if crossings.len() == 4 && (middle < level) == (corners[0].1 < level) {
                     crossings.rotate_left(1);
                 }
-                for pair in crossings.chunks_exact(2) {
-                    let [from, to] = [pair[0], pair[1]].map(|[x, y]| at(x, y));
-                    d += &format!("M{} {}L{} {}", short(from[0]), short(from[1]), short(to[0]), short(to[1]));
-                }
+                segments.extend(crossings.as_chunks::<2>().0);
             }
         }
-        d
+        segments
     }
 }
 
@@ -217,31 +288,57 @@ mod tests {
     fn points(value: impl Fn(f64, f64) -> f64) -> Vec<Point> {
         let node = |i: i32, j: i32| [f64::from(i) * 10.0, f64::from(j) * 5.0];
         let all = (0..9).flat_map(|i| (0..7).map(move |j| node(i, j)));
-        all.map(|at| Point { at, value: value(at[0], at[1]), is_settled: true }).collect()
+        let point = |at: [f64; 2]| {
+            let signed = value(at[0], at[1]);
+            Point { at, value: signed.abs(), signed, is_settled: true }
+        };
+        all.map(point).collect()
     }
 
     #[test]
     fn a_contour_of_a_plane_is_its_line() {
         let grid = Grid::of(&points(|x, y| x + 2.0 * y)).unwrap();
-        let d = grid.contour(33.0, |x, y| [x, y]);
-        let numbers: Vec<f64> =
-            d.split(['M', 'L', ' ']).filter(|part| !part.is_empty()).map(|part| part.parse().unwrap()).collect();
-        assert!(numbers.len() >= 4 * 6);
-        for point in numbers.as_chunks::<2>().0 {
-            assert!((point[0] + 2.0 * point[1] - 33.0).abs() < 0.02, "{point:?}");
+        let segments = grid.contour(33.0);
+        assert!(segments.len() >= 6);
+        for [x, y] in segments.as_flattened() {
+            assert!((x + 2.0 * y - 33.0).abs() < 1e-9, "({x}, {y})");
         }
-        assert_eq!(grid.contour(1e3, |x, y| [x, y]), "");
+        assert!(grid.contour(1e3).is_empty());
+        // Between the nodes at 40 and 50, the magnitude falls to zero and rises.
+        let valley = Grid::of(&points(|x, _| x - 43.0)).unwrap().contour(5.0);
+        assert!(valley.len() >= 12);
+        for [x, _] in valley.as_flattened() {
+            assert!((x - 38.0).abs().min((x - 48.0).abs()) < 1e-9, "{x}");
+        }
     }
 
     #[test]
     fn a_contour_round_a_summit_closes() {
-        let grid = Grid::of(&points(|x, y| -((x - 41.0) / 10.0).powi(2) - ((y - 14.0) / 5.0).powi(2))).unwrap();
-        let d = grid.contour(-3.0, |x, y| [x, y]);
+        let grid = Grid::of(&points(|x, y| 20.0 - ((x - 41.0) / 10.0).powi(2) - ((y - 14.0) / 5.0).powi(2))).unwrap();
         let mut ends = std::collections::BTreeMap::<String, u32>::new();
-        for segment in d.split('M').filter(|segment| !segment.is_empty()) {
-            segment.split('L').for_each(|end| *ends.entry(end.to_owned()).or_default() += 1);
+        for [x, y] in grid.contour(17.0).as_flattened() {
+            *ends.entry(format!("{x:.6} {y:.6}")).or_default() += 1;
         }
         assert!(ends.len() > 8 && ends.values().all(|count| *count == 2), "{ends:?}");
+    }
+
+    #[test]
+    fn only_fine_grids_have_contours_and_these_have_labels() {
+        let drawn = |count: i32| {
+            let all = (0..count).flat_map(|i| (0..count).map(move |j| [f64::from(i), f64::from(j)]));
+            let surface: Vec<_> =
+                all.map(|at| Point { at, value: at[0], signed: at[0], is_settled: at[0] > 0.5 }).collect();
+            let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.0, 0.0]] };
+            draw(&[map], ["x", "y"], &[], 88.0)
+        };
+        let (coarse, fine) = (drawn(CONTOUR_NODES as i32 - 1), drawn(CONTOUR_NODES as i32));
+        let contours = |svg: &str| svg.matches("stroke=\"#ffffff\" stroke-width=\"0.7\"").count();
+        let labels = |svg: &str| svg.matches("paint-order=\"stroke\"").count();
+        assert_eq!((contours(&coarse), labels(&coarse)), (0, 0));
+        assert!(contours(&fine) >= 3 && labels(&fine) == contours(&fine), "{fine}");
+        // The first column is not settled, and one point is unknown.
+        let marks = (coarse.matches("<circle").count(), coarse.matches("l2.2 -2.2").count());
+        assert_eq!(marks, (CONTOUR_NODES - 1, 1));
     }
 
     #[test]

@@ -30,6 +30,7 @@ mod sweep;
 mod trial;
 
 pub use output::Format;
+use sweep::Steady;
 pub use sweep::{Lines, lines};
 
 use crate::film::FilmError;
@@ -50,6 +51,9 @@ use thiserror::Error;
 
 /// Says below a map what its rings mean.
 const UNSTEADY: &str = "Ring: not settled, or more than 0.3° apart for other starting phases";
+
+/// Says below a map what its crosses mean.
+const UNKNOWN: &str = "Cross: not settled, mean not known";
 
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
@@ -326,12 +330,14 @@ pub fn map(
     let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
         Some(_) => sweep::steady(path, at, (&mut remarks, &mut logs, &mut under)),
-        None => steady(path, &mut remarks, &mut logs),
+        None => Ok(Steady { known: steady(path, &mut remarks, &mut logs)?, unknown: Vec::new() }),
     };
-    let (surface, points) = match surface {
+    let (of_surface, of_points) = match surface {
         Some(surface) => (read(surface)?, read(session)?),
-        None => (read(session)?, Vec::new()),
+        None => (read(session)?, Steady::default()),
     };
+    let (surface, points) = (of_surface.known, of_points.known);
+    let unknown = [of_surface.unknown, of_points.unknown].concat();
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
     if surface.is_empty() || !differs(0) || !differs(1) {
         let grave = remarks.findings.iter().filter(|of_log| of_log.finding.grave);
@@ -343,15 +349,22 @@ pub fn map(
         let point = |trial: &AtSpeeds<()>| Point {
             at: trial.speeds_rpm,
             value: trial.magnitudes_deg()[k],
+            signed: trial.angles_deg.get(k).copied().unwrap_or(trial.tilt_deg),
             is_settled: trial.is_settled,
         };
         trials.iter().map(point).collect()
     };
     let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
-    let maps: Vec<Map> =
-        titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
+    let maps: Vec<Map> = titles
+        .iter()
+        .zip(&maps)
+        .map(|(title, (surface, points))| Map { title, surface, points, unknown: &unknown })
+        .collect();
     if surface.iter().chain(&points).any(|trial| !trial.is_settled) {
         under.push(UNSTEADY.to_owned());
+    }
+    if !unknown.is_empty() {
+        under.push(UNKNOWN.to_owned());
     }
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
     output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), &provenance, out)?;

@@ -63,6 +63,14 @@ impl Sheet {
         self.add(&html! { text x=(short(x)) y=(short(y)) text-anchor=(anchor.name()) { (text) } });
     }
 
+    /// Writes a text, centred, that is legible on any colour.
+    pub fn haloed(&mut self, x: f64, y: f64, text: &str) {
+        self.add(&html! {
+            text x=(short(x)) y=(short(y)) text-anchor="middle" stroke="#ffffff" stroke-width="1.6" stroke-linejoin="round"
+                paint-order="stroke" { (text) }
+        });
+    }
+
     /// Writes a text from bottom to top, centred at a point of its baseline.
     pub fn upright(&mut self, x: f64, y: f64, text: &str) {
         self.add(&html! { text transform={ "translate(" (short(x)) " " (short(y)) ") rotate(-90)" } text-anchor="middle" { (text) } });

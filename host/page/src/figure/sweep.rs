@@ -131,12 +131,21 @@ fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
     FigureError::Swept { path: table.to_owned(), reason, help }
 }
 
+/// What a map shows.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(super) struct Steady {
+    /// The steady angles, at different speeds.
+    pub known: Vec<AtSpeeds<()>>,
+    /// The speeds at which not even the means are known.
+    pub unknown: Vec<[f64; 2]>,
+}
+
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
 pub(super) fn steady(
     path: &Path,
     at: &[(String, f64)],
     (remarks, logs, under): (&mut Remarks, &mut Vec<String>, &mut Vec<String>),
-) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+) -> Result<Steady, FigureError> {
     let (table, swept) = read_sweep(path)?;
     let wrong = |reason: String| wrong_lines(&table, reason, &swept);
     let column =
@@ -153,6 +162,7 @@ pub(super) fn steady(
         }
     }
     let all = rows.len();
+    let unknown = rows.iter().filter(|i| swept.is_unknown(**i)).map(|i| [w1.values[*i], w2.values[*i]]).collect();
     rows.retain(|i| yaw.values[*i].is_finite() && !swept.is_unknown(*i));
     if rows.len() < all {
         let left_out = all - rows.len();
@@ -166,5 +176,5 @@ pub(super) fn steady(
         is_settled: !spreads.iter().any(|spread| spread.values[i] > MOST_SPREAD_DEG),
         first: (),
     };
-    Ok(rows.into_iter().map(point).collect())
+    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown })
 }

@@ -137,6 +137,7 @@ impl Frames<'_> {
     ) -> io::Result<()> {
         let Self { scene, times, drawn } = self;
         let mut count = 0;
+        drawn(count, times.len());
         for some in times.chunks(AT_ONCE) {
             let images: Vec<T> = some.par_iter().map(|time| convert(&scene.draw(*time))).collect();
             images.into_iter().try_for_each(&mut write)?;
@@ -147,7 +148,8 @@ impl Frames<'_> {
     }
 }
 
-/// Writes the film of a log. `drawn` is called with the number of frames that are drawn and of all.
+/// Writes the film of a log. `drawn` is called with the number of frames that are drawn and of all, first before any is drawn:
+/// not at all if nothing can be written.
 ///
 /// # Errors
 /// [`FilmError`].

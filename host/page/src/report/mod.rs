@@ -22,6 +22,7 @@ pub(crate) mod shapes;
 mod small_multiples;
 mod stage;
 mod sweep_page;
+mod sweep_plan;
 mod table;
 mod text;
 mod trial_section;

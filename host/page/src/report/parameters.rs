@@ -1,9 +1,9 @@
-//! The parameters of a robot as a table: value, source and meaning of each.
+//! The parameters of a robot that differ from the built-in robot `physical`, as a table: value, source and meaning of each.
 //!
 //! Meanings and sources are the comments of the robot file `robot-published`, which has every key, and of the robot's own
 //! file.
 
-use super::text::clip;
+use super::text::{clip, count};
 use maud::{Markup, html};
 use sim::params::Robot;
 use std::collections::BTreeMap;
@@ -26,29 +26,47 @@ struct Row {
     source: String,
 }
 
-/// Returns the table of `parameters`, a robot file with all keys. `file`, named `name`, is the robot file that sets
-/// some of them.
+/// Returns the table of those of `parameters`, a robot file with all keys, that differ from the built-in robot. `file`, named
+/// `name`, is the robot file that sets some of them.
 pub(super) fn table(parameters: &str, name: &str, file: &str) -> Markup {
+    let rows = rows(parameters, name, file);
+    let built_in = of_robot(&Robot::default());
+    let (others, differing): (Vec<Row>, Vec<Row>) =
+        rows.into_iter().partition(|row| built_in.get(&row.key).is_some_and(|value| value.to_string() == row.value));
+    let rest = format!("of the built-in robot {PHYSICAL}");
+    if differing.is_empty() {
+        return html! { p { "All parameters are those " (rest) "." } };
+    }
     html! {
         div.scroll tabindex="0" role="region" aria-label={ "Parameters of the robot " (clip(name, 100)) } {
             table.facts {
                 thead { tr { th scope="col" { "Parameter" } th scope="col" { "Value" } th scope="col" { "Source" } th scope="col" { "Meaning" } } }
                 tbody {
-                    @for Row { key, value, meaning, source } in rows(parameters, name, file) {
+                    @for Row { key, value, meaning, source } in differing {
                         tr { td { (clip(&key, 100)) } td { (clip(&value, 100)) } td { (clip(&source, 300)) } td { (meaning) } }
                     }
                 }
             }
         }
+        @if !others.is_empty() { p.meta { "The other " (count(others.len(), "parameter is", "parameters are")) " " (rest) "." } }
     }
 }
 
+/// Returns what the published robot file says about each key.
+pub(super) fn meanings() -> BTreeMap<String, String> {
+    comments(Shipped::find(Path::new(COMMENTED)).map_or("", |file| file.text))
+}
+
+/// Returns the values of a robot by table and name.
+fn of_robot(robot: &Robot) -> BTreeMap<String, Value> {
+    flat(&toml::to_string(robot).unwrap_or_default())
+}
+
 fn rows(parameters: &str, name: &str, file: &str) -> Vec<Row> {
-    let commented = Shipped::find(Path::new(COMMENTED)).map_or("", |file| file.text);
-    let (meanings, notes) = (comments(commented), comments(file));
+    let (meanings, notes) = (meanings(), comments(file));
     let own = flat(file);
-    let built_in = [(PHYSICAL, Robot::default()), (PUBLISHED, Robot::published())]
-        .map(|(name, robot)| (name, flat(&toml::to_string(&robot).unwrap_or_default())));
+    let built_in =
+        [(PHYSICAL, Robot::default()), (PUBLISHED, Robot::published())].map(|(name, robot)| (name, of_robot(&robot)));
     let row = |(key, value): (String, Value)| {
         let source = if own.contains_key(&key) {
             let note = notes.get(&key).map(|note| format!(": {note}")).unwrap_or_default();
@@ -133,6 +151,21 @@ mod tests {
         assert_eq!(spin(PUBLISHED, &Robot::published()), PUBLISHED);
         assert_eq!(spin(PHYSICAL, &Robot::default()), PHYSICAL);
         assert!(rows.iter().filter(|row| row.meaning.is_empty()).count() == 0, "every key is explained: {rows:#?}");
+    }
+
+    #[test]
+    fn the_table_has_only_what_differs_from_the_built_in_robot() {
+        let text = |robot: &Robot| toml::to_string(robot).unwrap();
+        let mut robot = Robot::default();
+        assert_eq!(
+            table(&text(&robot), PHYSICAL, "").into_string(),
+            "<p>All parameters are those of the built-in robot physical.</p>"
+        );
+        robot.fluid.viscosity_pa_s = 1.25;
+        let shown = table(&text(&robot), "mine.toml", "[fluid]\nviscosity_pa_s = 1.25\n").into_string();
+        assert!(shown.contains("<td>fluid.viscosity_pa_s</td><td>1.25</td><td>mine.toml</td>"), "{shown}");
+        assert!(!shown.contains("base.mass_kg") && shown.contains(" parameters are of the built-in robot"), "{shown}");
+        assert!(!table(&text(&Robot::published()), PUBLISHED, "").into_string().contains("All parameters"));
     }
 
     #[test]

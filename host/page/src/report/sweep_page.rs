@@ -4,7 +4,7 @@ use super::ReportError;
 use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
-use super::{Counts, Written, document, put};
+use super::{Counts, Written, document, put, sweep_plan};
 use crate::swept::{Column, MOTIONS, Swept};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
@@ -96,6 +96,7 @@ fn body(about: &About, inputs: &[Column], results: &[Column]) -> Markup {
                 h2.unseen { "Map" }
                 div.maps { figure { div.head { h3 { "Map" } } svg viewBox="0 0 760 520" role="img" aria-label="Map" {} figcaption {} } }
             }
+            (sweep_plan::section(about.path))
         }
         footer { p { "Written by " (document::GENERATOR) " (" (study::program::GIT_HASH) ")." } }
     }

@@ -115,7 +115,7 @@ biflag.LiveTrial = class {
     one("#trials tbody").replaceChildren(...rows.map(({ name, state, cells, notes }) => {
       const row = document.createElement("tr");
       row.className = state === "running" ? "open" : "";
-      row.append(cell(name), ...cells.map((text) => cell(text)), cell(notes || (state === "done" ? "" : state), "text"));
+      row.append(cell(name), ...cells.map((text) => cell(text.replace("-", "−"))), cell(notes || (state === "done" ? "" : state), "text"));
       return row;
     }));
     one(".maps").innerHTML = maps;

@@ -133,6 +133,9 @@ biflag.Scene = class {
     const tank = new biflag.Tank(solid.tank, draw2d, this.css);
     tank.behind();
     tank.shadows(lines.map((line) => line.map((point) => biflag.turned(turn, point))), solid.body);
+    const told = this.told(time);
+    const corner = this.tell(ctx, told, false);
+    const numbers = this.numbers(draw2d, corner);
     if (!above) this.compass(draw2d, own, model);
     this.vertical(draw2d);
     const forces = this.forces(time);
@@ -162,9 +165,10 @@ biflag.Scene = class {
     this.halos(draw2d, solid, contacts);
     if (above) this.compass(draw2d, own, model);
     tank.before();
+    this.label(ctx, numbers);
     this.names(draw2d, solid, forces, turn);
     this.scales(draw2d, width, height);
-    this.tell(ctx, time);
+    this.tell(ctx, told, true);
     this.isSlow ||= this.trial.playing && performance.now() - begun > SLOW_MS;
   }
 
@@ -208,19 +212,26 @@ biflag.Scene = class {
     }
   }
 
-  /** Time, yaw and the model's yaw in a corner, so that a picture or a film says what it shows. */
-  tell(ctx, time) {
+  /** Time, yaw and the model's yaw, each with its colour, so that a picture or a film says what it shows. */
+  told(time) {
+    const { own = "yaw", other } = this.trial.data;
+    const yaw = (prefix) => biflag.format(biflag.valueAt(this.trial, "attitude", prefix + "yaw", time), 1);
+    const hasModel = this.hasGhost && this.shown.ghost;
+    const lines = [["soft", `${time.toFixed(1)} s`], ["measured", `ψ ${yaw("")}°${hasModel ? " " + own : ""}`]];
+    if (hasModel) lines.push(["model", `ψ ${yaw("model_")}° ${other}`]);
+    return lines;
+  }
+
+  /** Writes lines in the upper left corner, or only returns where each ends: on the right, above and below. */
+  tell(ctx, lines, writes) {
     this.write(ctx, "left", "top");
     ctx.font = `600 12px ${this.font}`;
-    ctx.fillText(`${time.toFixed(1)} s`, 12, 11);
-    const { own = "yaw", other } = this.trial.data;
-    const yaw = (prefix) => biflag.valueAt(this.trial, "attitude", prefix + "yaw", time);
-    const lines = [["measured", own, yaw("")]];
-    if (this.hasGhost && this.shown.ghost) lines.push(["model", other, yaw("model_")]);
-    lines.forEach(([colour, name, value], i) => {
+    lines.forEach(([colour, words], i) => {
+      if (!writes) return;
       ctx.fillStyle = this.css[colour];
-      ctx.fillText(`ψ ${biflag.format(value, 1)}°${lines.length > 1 ? " " + name : ""}`, 12, 28 + 16 * i);
+      ctx.fillText(words, 12, 11 + 16.5 * i);
     });
+    return lines.map(([, words], i) => [12 + ctx.measureText(words).width, 11 + 16.5 * i, 25 + 16.5 * i]);
   }
 
   /** The forces of both flagella at a time, mN. */
@@ -243,28 +254,55 @@ biflag.Scene = class {
     lines.forEach((line, k) => path(line.map((point) => biflag.turned(turn, point)), this.css[`flagellum${k + 1}`], 4));
   }
 
-  /** The scale of the yaw with its pointers. */
-  compass({ ctx, project, path, scale }, own, model) {
+  /** Returns a point of the ring that is the scale of the yaw: at an angle, and at a share of its radius. */
+  onRing(angle, share) {
     const reach = this.robots[0].reach;
-    const [radius, z] = [0.24 * reach, 0.1 * reach];
-    const on = (angle, r) => [r * Math.cos(angle), r * Math.sin(angle), z];
-    path(Array.from({ length: 73 }, (_, i) => on((i * Math.PI) / 36, radius)), this.css.line, 1.2);
+    const r = 0.24 * reach * share;
+    return [r * Math.cos(angle), r * Math.sin(angle), 0.1 * reach];
+  }
+
+  /** Returns the numbers of the scale of the yaw and their places: outside of the ring, or inside where the words of the corner
+   * are. */
+  numbers({ project, scale }, corner) {
+    // A small ring has no room for numbers.
+    if (0.24 * this.robots[0].reach * scale < 24) return [];
+    const numbers = [];
+    // Seen from the side, opposite angles are at one place.
+    const isFree = ([x, y]) => numbers.every(([, u, v]) => Math.hypot(x - u, y - v) >= 22);
+    const isClear = ([x, y]) => corner.every(([right, top, bottom]) => x - 14 > right || y + 6 < top || y - 6 > bottom);
+    for (const [i, words] of ["0°", "90°", "180°", "−90°"].entries()) {
+      const places = [1.24, 0.62].map((share) => project(this.onRing((i * Math.PI) / 2, share)));
+      const place = places.find(isClear) ?? places[0];
+      if (isFree(place)) numbers.push([words, place[0], place[1]]);
+    }
+    return numbers;
+  }
+
+  /** Writes words at places, on a plate that keeps them legible in front of the robot: on paper, rims of letters are a second
+   * text. */
+  label(ctx, words) {
     this.write(ctx, "center", "middle");
-    const written = [];
+    for (const [text, x, y] of words) {
+      const width = ctx.measureText(text).width + 4;
+      [ctx.fillStyle, ctx.globalAlpha] = [this.css.card, 0.7];
+      ctx.fillRect(x - width / 2, y - 7, width, 13);
+      [ctx.fillStyle, ctx.globalAlpha] = [this.css.soft, 1];
+      ctx.fillText(text, x, y);
+    }
+  }
+
+  /** The scale of the yaw with its pointers. */
+  compass({ ctx, project, path }, own, model) {
+    const on = (angle, share) => this.onRing(angle, share);
+    path(Array.from({ length: 73 }, (_, i) => on((i * Math.PI) / 36, 1)), this.css.line, 1.2);
     for (let i = 0; i < 12; i++) {
       const angle = (i * Math.PI) / 6;
-      path([on(angle, radius), on(angle, radius * (i % 3 ? 0.95 : 0.89))], this.css.line, 1.2);
-      // A small ring has no room for numbers.
-      if (i % 3 || radius * scale < 24) continue;
-      const [x, y] = project(on(angle, radius * 1.24));
-      // Seen from the side, opposite angles are at one place.
-      if (written.some(([u, v]) => Math.hypot(x - u, y - v) < 22)) continue;
-      written.push([x, y]);
-      ctx.fillText(["0°", "90°", "180°", "−90°"][i / 3], x, y);
+      path([on(angle, 1), on(angle, i % 3 ? 0.95 : 0.89)], this.css.line, 1.2);
     }
-    if (model && own) this.wedge(ctx, project, [0, 0, z], (angle) => on(angle, 0.89 * radius), own[0], model[0]);
-    if (model) path([[0, 0, z], on(model[0], radius)], this.css.model, 2, [5, 3]);
-    if (own) path([[0, 0, z], on(own[0], radius)], this.css.measured, 2.5);
+    const middle = on(0, 0);
+    if (model && own) this.wedge(ctx, project, middle, (angle) => on(angle, 0.89), own[0], model[0]);
+    if (model) path([middle, on(model[0], 1)], this.css.model, 2, [5, 3]);
+    if (own) path([middle, on(own[0], 1)], this.css.measured, 2.5);
   }
 
   /** The difference of two yaws as a filled piece of the ring. */

@@ -10,6 +10,8 @@ biflag.SweepMap = class {
   static CURVES = ["0072b2", "d55e00", "009e73", "cc79a7", "8a6d00", "5a6570"];
   /** The largest number of curves in a drawing. */
   static MOST_CURVES = 12;
+  /** Fewer values of an input make no contours: between neighbours so far apart, these would show the grid. */
+  static CONTOUR_NODES = 8;
 
   constructor(element) {
     this.element = element;
@@ -110,17 +112,19 @@ biflag.SweepMap = class {
     return this.swept.rows.filter((row) => values[row] !== null && chosen.every(([input, step]) => input.stepOf[row] === step));
   }
 
-  /** What is drawn at each place: both inputs, the mean of the results there, their number, and the least steady of their states. */
+  /** What is drawn at each place: both inputs, the mean of the results there, their number, the least steady of their states, and
+   * whether a ring marks it. */
   points(rows) {
     const [[x, y], { values }] = [this.axes, this.result()];
     const places = new Map();
     for (const row of rows) {
       const [a, b] = [x.values[row], y.values[row]];
       if (a === null || b === null) continue;
-      const point = places.get(`${a},${b}`) ?? { a, b, step: y.stepOf[row], sum: 0, count: 0, state: -1 };
+      const point = places.get(`${a},${b}`) ?? { a, b, step: y.stepOf[row], sum: 0, count: 0, state: -1, isOdd: false };
       point.sum += values[row];
       point.count += 1;
       point.state = Math.max(point.state, this.swept.states[row]);
+      point.isOdd ||= this.swept.isUnknown(point.state) || this.swept.isPhased(row);
       places.set(`${a},${b}`, point);
     }
     return [...places.values()].map(({ sum, ...point }) => ({ ...point, v: Number((sum / point.count).toPrecision(7)) }));
@@ -158,12 +162,14 @@ biflag.SweepMap = class {
       const count = rows.filter((row) => this.swept.states[row] === k).length;
       return count && k ? `${count} ${kind}${this.swept.isUnknown(k) && !isLines ? ", with a ring" : ""}` : "";
     });
+    const phased = isLines ? 0 : rows.filter((row) => this.swept.isPhased(row)).length;
     const isDots = !isLines && !this.hasCells;
     const words = [
       value.about && `${value.label}: ${value.about}.`,
       `${rows.length} of ${this.swept.states.length} points${isDots ? ", a dot each" : ""}; ${missing} of the table without a value.`,
       isMean && `Where several points lie at one place, it shows their mean: ${rows.length} points at ${points.length} places.`,
       kinds.some(Boolean) && `Not steady${isLines ? ", with an empty mark" : ""}: ${kinds.filter(Boolean).join(", ")}.`,
+      phased && `More than ${biflag.Swept.MOST_SPREAD_DEG}° apart for other starting phases, with a ring: ${phased}.`,
       isLines && this.every > 1 && `A curve for one of every ${this.every} values of ${and}.`,
       !isLines && "The colours span the whole table.",
       this.contoured && `Contours every ${text(this.contoured)}, that of zero thicker; straight between neighbours.`,
@@ -213,7 +219,7 @@ biflag.SweepMap = class {
         : `circle class="dot" cx="${cx.toFixed(1)}" cy="${cy.toFixed(1)}" r="${radius.toFixed(1)}"`;
       return `<${shape} data-at="${point.a},${point.b},${point.v}" fill="${colour(point.v)}">${this.words(point)}</${this.hasCells ? "rect" : "circle"}>`;
     });
-    const odd = points.filter(({ state }) => this.swept.isUnknown(state)).map(({ a, b }) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
+    const odd = points.filter(({ isOdd }) => isOdd).map(({ a, b }) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
     this.contoured = 0;
     const contours = this.hasCells ? this.contours(x, y, points, across, up, box) : "";
     const scale = Array.from({ length: 50 }, (_, i) => {
@@ -227,9 +233,9 @@ biflag.SweepMap = class {
 
   /** Contours at round values over the nodes of a grid, straight between neighbours; the one of zero is thicker. */
   contours(x, y, points, across, up, { width, left, right }) {
-    const { text, range, round } = biflag.SweepMap;
+    const { text, range, round, CONTOUR_NODES } = biflag.SweepMap;
     const [columns, lines] = [x.steps.length, y.steps.length];
-    if (columns < 4 || lines < 4) return "";
+    if (Math.min(columns, lines) < CONTOUR_NODES) return "";
     const at = new Map(points.map(({ a, b, v }) => [`${a},${b}`, v]));
     const node = (i, k) => at.get(`${x.steps[i].from},${y.steps[k].from}`);
     const [low, high] = range(points.map(({ v }) => v));

@@ -10,6 +10,8 @@ biflag.Swept = class {
   static SAMPLE = 2000;
   /** The smallest number of places that make a map of cells worth opening on. */
   static LEAST_CELLS = 9;
+  /** Angles that differ more between starting phases are marked, degrees. */
+  static MOST_SPREAD_DEG = 0.3;
 
   constructor({ inputs, results, states, kinds }) {
     // Numbers of 32 bits have seven digits.
@@ -19,6 +21,7 @@ biflag.Swept = class {
     this.results = results.map(column);
     /** The index in `kinds` of the motion of each point, -1 where the table has none; of the last kind not even the means are known. */
     [this.states, this.kinds] = [states, kinds];
+    this.spreads = this.results.filter(({ name }) => ["yaw_spread_deg", "tilt_spread_deg"].includes(name));
     this.rows = [...states.keys()];
     const every = Math.ceil(states.length / biflag.Swept.SAMPLE);
     this.sample = this.rows.filter((row) => row % every === 0);
@@ -27,6 +30,11 @@ biflag.Swept = class {
 
   isUnknown(state) {
     return state === this.kinds.length - 1;
+  }
+
+  /** Whether the angles of a row depend on the starting phase of the flagella. */
+  isPhased(row) {
+    return this.spreads.some(({ values }) => values[row] > biflag.Swept.MOST_SPREAD_DEG);
   }
 
   static distinct(values) {
