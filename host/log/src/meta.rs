@@ -302,7 +302,7 @@ pub struct ImportMeta {
     pub start_s: f64,
     /// Rows that were left out because a value was missing.
     pub left_out: u64,
-    /// Quantities that were not measured: a constant was given for them.
+    /// Quantities that were not measured: they have one value in all rows.
     pub constant: Vec<String>,
     /// 95 % uncertainty of the instrument's yaw, degrees.
     pub yaw_uncertainty_deg: Option<f64>,
