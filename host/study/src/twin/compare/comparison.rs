@@ -29,6 +29,8 @@ pub struct Comparison {
     pub pitch: AngleComparison,
     /// The roll of both.
     pub roll: AngleComparison,
+    /// Why no transient is judged; `None` if those are whose uncertainty is known.
+    pub unjudged: Option<Unjudged>,
     /// When both settled.
     pub settling: Settling,
     /// Share of the run in which both attitudes are known; the rest is in gaps of a log.
@@ -208,6 +210,28 @@ impl Transient {
     /// Returns whether it is larger than allowed.
     pub fn differs(self) -> bool {
         self.residual_deg > self.allowed_deg
+    }
+}
+
+/// Why the transients of a run are not judged.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Unjudged {
+    /// Hardly anything of the run is before its steady end.
+    Short,
+    /// Hardly anything of that was measured.
+    Gaps,
+}
+
+impl Unjudged {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Short, Self::Gaps];
+
+    /// Says so.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Short => "the run is too short to judge the transients",
+            Self::Gaps => "gaps leave too little of the run to judge the transients",
+        }
     }
 }
 
