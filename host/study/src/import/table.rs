@@ -291,8 +291,8 @@ fn is_empty(cell: &str) -> bool {
     EMPTY.contains(&cell.to_lowercase().as_str())
 }
 
-/// Returns the separator: of tab, semicolon and comma the first one that the first two lines have equally often. A comma may be
-/// that of decimals, and a semicolon may be part of a name.
+/// Returns the separator: of tab, semicolon and comma the first one that the first two lines have equally often, or else the most
+/// frequent one of the first line. A comma may be that of decimals, and a semicolon may be part of a name.
 fn delimiter(text: &str) -> u8 {
     let is_content = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
     let mut lines = text.lines().filter(is_content);
@@ -305,5 +305,8 @@ fn delimiter(text: &str) -> u8 {
         let count = times(first, *separator);
         count > 0 && (second.is_empty() || times(second, *separator) == count)
     };
-    ['\t', ';', ','].into_iter().find(is_regular).map_or(b',', |separator| separator as u8)
+    let regular = ['\t', ';', ','].into_iter().find(is_regular);
+    // Of equally many, the last one: the comma.
+    let frequent = || ['\t', ';', ','].into_iter().max_by_key(|separator| times(first, *separator));
+    regular.or_else(frequent).map_or(b',', |separator| separator as u8)
 }

@@ -95,16 +95,14 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<Finding> {
     };
     let askew = of([0.0, pitch_deg, roll_deg]);
     let Euler { yaw_deg: yaw, pitch_deg: pitch, roll_deg: roll } = Euler::of(&(askew.inverse() * of(body) * askew));
+    // The yaw may have made full turns.
+    let yaw = body[0] + (yaw - body[0] + 180.0).rem_euclid(360.0) - 180.0;
     let others = [yaw, pitch, roll];
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
-    let matters = |k: usize| {
-        let turned_deg = (others[k] - body[k] + 180.0).rem_euclid(360.0) - 180.0;
-        turned_deg.abs() > stated[k].unwrap_or(UNKNOWN_DEG)
-    };
+    let matters = |k: usize| (others[k] - body[k]).abs() > stated[k].unwrap_or(UNKNOWN_DEG);
     let text = format!(
         "the tilt at rest, pitch {pitch_deg:.1}° and roll {roll_deg:.1}°, is taken for that of the mounting on the body; if it \
-         is the instrument's frame that is askew, yaw, pitch and roll are {:.2}°, {:.2}° and {:.2}°",
-        others[0], others[1], others[2]
+         is the instrument's frame that is askew, yaw, pitch and roll are {yaw:.2}°, {pitch:.2}° and {roll:.2}°"
     );
     let cure = "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty";
     (0..3).any(matters).then(|| Finding::slight(FindingKind::Conduct, text, cure))
