@@ -120,6 +120,13 @@ fn what_is_missing_is_asked_for() {
     assert!(!Path::new(&folder.join("t.mcap")).exists());
     let (code, said) = run(columns, &["--speeds", "5,1", "--run", "1,3"]);
     assert_eq!(code, Some(0), "{said}");
+    // Of an import that no fit takes, `compare` does not say that a fit finds the phase of its flagella.
+    let columns = [columns, "--speeds", "5,5", "--run", "1,3", "-o", "equal.mcap"];
+    let import = biflag(folder, &[&["import", "t.csv", "--columns"][..], &columns].concat());
+    assert_eq!(import.status.code(), Some(0), "{import:?}");
+    let compare = biflag(folder, &["compare", "equal.mcap"]);
+    let said = String::from_utf8_lossy(&compare.stdout) + String::from_utf8_lossy(&compare.stderr);
+    assert!(said.contains("needs yaw, pitch and roll") && !said.contains("calibrate --fit phase"), "{said}");
     let calibrate = biflag(folder, &["calibrate", "t.mcap", "-o", "fitted.toml"]);
     assert!(String::from_utf8_lossy(&calibrate.stderr).contains("imported without an uncertainty"), "{calibrate:?}");
 }
@@ -163,6 +170,11 @@ fn a_second_source_of_the_yaw_is_put_on_the_clock_of_the_recording() {
     let compare = biflag(folder, &["compare", own, "c.mcap", "--json"]);
     let trial = &json(&compare)["trials"][0];
     assert!(number(&trial["yaw_rmse_deg"]) < 0.12, "{trial}");
+    // The yaw is judged, too, although the camera saw neither pitch nor roll.
+    let [yaw, pitch] = [0, 1].map(|k| &trial["angles"][k]["transient"]);
+    assert!(number(&yaw["residual_deg"]) < 0.12 && pitch.is_null(), "{trial}");
+    let verdict = trial["verdict"].as_str().unwrap();
+    assert!(verdict.contains(" agree within ") && !verdict.contains("too short"), "{verdict}");
     let other = biflag(
         folder,
         &["import", "camera.csv", "--columns", columns, "--trial", own, "--speeds", "1,2", "-o", "d.mcap"],

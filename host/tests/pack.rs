@@ -85,9 +85,10 @@ fn archive_has_all_files_and_their_sums() {
         .map(|line| line.split_once("  ").map(|(sum, name)| (name, sum)).unwrap())
         .collect();
     assert_eq!(sums.len(), expected.len() - 2, "all but itself and the metadata");
+    let digest =
+        |name: &str| -> String { Sha256::digest(&contents[name]).iter().map(|byte| format!("{byte:02x}")).collect() };
     for (name, sum) in &sums {
-        let digest: String = Sha256::digest(&contents[*name]).iter().map(|byte| format!("{byte:02x}")).collect();
-        assert_eq!(digest, *sum, "{name}");
+        assert_eq!(digest(name), *sum, "{name}");
     }
 
     let metadata: Value = serde_json::from_slice(&contents["ro-crate-metadata.json"]).unwrap();
@@ -96,9 +97,13 @@ fn archive_has_all_files_and_their_sums() {
     assert_eq!(entity("./")["license"]["@id"], "https://spdx.org/licenses/CC-BY-4.0");
     assert_eq!(entity("#author")["name"], "A. Operator", "of the plan");
     assert_eq!(entity("session/notes%201%20%25.txt")["contentSize"], "18");
-    for part in entity("./")["hasPart"].as_array().unwrap() {
+    let parts = entity("./")["hasPart"].as_array().unwrap();
+    assert_eq!(parts.len(), expected.len() - 1, "all but the metadata");
+    for part in parts {
         let file = entity(part["@id"].as_str().unwrap());
-        assert_eq!(file["sha256"], sums[file["name"].as_str().unwrap()], "{file}");
+        let name = file["name"].as_str().unwrap();
+        assert_eq!(file["sha256"], digest(name), "{file}");
+        assert_eq!(file["contentSize"], contents[name].len().to_string(), "{file}");
     }
 
     let readme = text(&contents["README.md"]);

@@ -58,6 +58,7 @@ with open(source, "rb") as old, open(target, "wb") as new:
 /// Script that opens an archive of `biflag pack` as an RO-Crate, and checks size and sum of each file in it.
 const CRATE: &str = r##"
 import hashlib, json, sys
+from pathlib import Path
 from rocrate.model import File
 from rocrate.rocrate import ROCrate
 
@@ -66,10 +67,12 @@ files = [entity for entity in crate.get_entities() if isinstance(entity, File) a
 for file in files:
     data = open(f"{sys.argv[1]}/{file['name']}", "rb").read()
     assert (str(len(data)), hashlib.sha256(data).hexdigest()) == (file["contentSize"], file["sha256"]), file.id
-action = crate.dereference("#recording")
+there = {str(path.relative_to(sys.argv[1])) for path in Path(sys.argv[1]).rglob("*") if path.is_file()}
+assert there - {file["name"] for file in files} == {"ro-crate-metadata.json"}, there
+logs = crate.dereference("#recording")["result"]
 print(json.dumps({
     "name": crate.name, "licence": crate.license.id, "author": crate.root_dataset["author"]["name"], "files": len(files),
-    "parts": len(crate.root_dataset["hasPart"]), "logs": [log["name"] for log in action["result"]],
+    "parts": len(crate.root_dataset["hasPart"]), "logs": [log["name"] for log in (logs if isinstance(logs, list) else [logs])],
 }))
 "##;
 
@@ -309,7 +312,7 @@ fn rocrate_reads_an_archive() {
     let found: Value = serde_json::from_slice(&run(&["-c", CRATE, "crate"])).unwrap();
     let expected = serde_json::json!({
         "name": "Biflag session w1-37.3_w2+12.9", "licence": "https://spdx.org/licenses/CC0-1.0", "author": "A. Writer",
-        "files": 10, "parts": 10, "logs": ["session/001_w1-37.3_w2+12.9.mcap"],
+        "files": 11, "parts": 11, "logs": ["session/001_w1-37.3_w2+12.9.mcap"],
     });
     assert_eq!(found, expected);
 }

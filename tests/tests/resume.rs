@@ -261,8 +261,13 @@ fn log_that_is_being_recorded_is_not_recovered() {
     assert!(run.stderr.contains(": is being recorded") && run.stderr.contains("wait for the end"), "{run:?}");
     let run = bench.run(["recover", log.to_str().unwrap(), "--output", "copy.mcap"]).expect_code(1);
     assert!(run.stderr.contains(": is being recorded"), "{run:?}");
-    let run = bench.run(["info", "session"]).expect_code(3);
-    assert!(run.stdout.contains("being recorded") && !run.stdout.contains("cut off"), "{run:?}");
+    for asked in
+        ["info", "doctor"].map(|command| [command, "session"]).into_iter().chain([["info", log.to_str().unwrap()]])
+    {
+        let run = bench.run(asked).expect_code(3);
+        assert!(run.stdout.contains("being recorded") && !run.stdout.contains("cut off"), "{run:?}");
+        assert!(!run.stdout.contains("biflag recover"), "{run:?}");
+    }
     assert_eq!(logs(&session), std::slice::from_ref(&log));
 
     let run = Run::of(recording).expect_code(0);

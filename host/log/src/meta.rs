@@ -302,7 +302,7 @@ pub struct ImportMeta {
     pub start_s: f64,
     /// Rows left out because of a missing value.
     pub left_out: u64,
-    /// Quantities that were not measured, but given as constants.
+    /// Quantities that were not measured: they have one value in all rows.
     pub constant: Vec<String>,
     /// 95 % uncertainty of the instrument's yaw, degrees.
     pub yaw_uncertainty_deg: Option<f64>,

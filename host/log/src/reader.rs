@@ -108,10 +108,10 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
 /// # Errors
 /// [`LogError`] if it is not a biflag log or cannot be read.
 pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
-    let failed = |source| LogError::reading(path, source);
-    let mut scanner = identify(open(path)?, path)?;
-    while scanner.next().map_err(failed)?.is_some() {}
-    Ok(scanner.losses().to_vec())
+    // A log of a newer format is checked, too.
+    let mut reader = Reader::over(path)?;
+    while !matches!(reader.step()?, Step::End) {}
+    Ok(reader.losses().to_vec())
 }
 
 /// A log being read: an iterator over its messages, in the order in which they were written.
@@ -184,7 +184,7 @@ impl Reader {
         })
     }
 
-    /// Restricts the messages to these channels. The others are not decoded.
+    /// Restricts the messages to these channels. One of the others that cannot be decoded is a loss, too.
     #[must_use]
     pub fn only(mut self, topics: Vec<&'static str>) -> Self {
         self.first = self.first.filter(|message| topics.contains(&message.topic.as_str()));
@@ -272,6 +272,10 @@ impl Reader {
             }
             Entry::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                // A type that was never declared is part of a loss before.
+                if schema::channel(&channel.topic).is_some_and(|spec| !schema.is_empty() && spec.schema != schema) {
+                    self.scanner.lose(self.scanner.offset(), 0, "the type of a channel");
+                }
                 self.channels.insert(channel.id, (channel.topic, schema));
             }
             Entry::Message(header, data) => {
@@ -280,15 +284,14 @@ impl Reader {
                     None => (format!("channel {}", header.channel_id), ""),
                 };
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
-                let body = wanted.then(|| {
-                    Body::decode(&topic, schema, data).unwrap_or_else(|data| {
-                        let bytes = data.len() as u64;
-                        self.scanner.lose(self.scanner.offset(), bytes, "a message that cannot be decoded");
-                        Body::Other(data)
-                    })
+                // Damage is damage of the log, whoever reads which channels.
+                let body = Body::decode(&topic, schema, data).unwrap_or_else(|data| {
+                    let bytes = data.len() as u64;
+                    self.scanner.lose(self.scanner.offset(), bytes, "a message that cannot be decoded");
+                    Body::Other(data)
                 });
                 *self.counts.entry(topic.clone()).or_default() += 1;
-                return body.map(|body| Message {
+                return wanted.then_some(Message {
                     topic,
                     sequence: header.sequence,
                     log_time_ns: header.log_time,

@@ -3,7 +3,7 @@
 use super::findings::finding_line;
 use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
-use crate::session::{Attempt, Session, TrialState, is_in_use};
+use crate::session::{Attempt, Session, TrialState, is_being_recorded, recorded};
 use crate::text::{self, count, decimal, word};
 use crate::trial::{
     AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings, scatter_of_repeats,
@@ -62,9 +62,12 @@ fn log(path: &Path) -> miette::Result<Answer> {
     });
     let is_sound = clean && !findings.iter().any(|finding| finding.grave);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
-    let mut text = describe(path, &data, &zeroed);
+    // A log that is being recorded has no end yet.
+    let is_open = data.condition == Condition::CutOff && is_being_recorded(path);
+    let mut text = describe(path, &data, &zeroed, is_open);
     // Writing to a string cannot fail.
-    findings.iter().for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
+    let shown = findings.iter().filter(|_| !is_open);
+    shown.for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
     Answer::new(outcome, &body, text)
 }
 
@@ -83,7 +86,8 @@ impl Lines {
     }
 }
 
-fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
+/// `is_open`: whether the log is being recorded.
+fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String {
     let records = &data.records;
     let angles = zeroed.angles();
     let mut lines = Lines::default();
@@ -152,6 +156,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
     }
     let condition = match (data.condition, &data.rewritten_by) {
+        _ if is_open => "being recorded".to_owned(),
         (Condition::Rewritten, Some(program)) => format!("rewritten by {program}, whole"),
         (Condition::Clean | Condition::Rewritten, _) => "clean".to_owned(),
         (Condition::CutOff, _) => "cut off; `biflag recover` writes an intact log from it".to_owned(),
@@ -160,7 +165,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         }
     };
     lines.add("condition", condition);
-    for loss in &data.losses {
+    for loss in data.losses.iter().filter(|_| !is_open) {
         lines.add("  lost", loss);
     }
     lines.0
@@ -191,7 +196,8 @@ fn shares(budget: &Budget) -> String {
 fn session(folder: &Path) -> miette::Result<Answer> {
     let session = Session::open(folder)?;
     let rows: Vec<_> = session.states()?.into_par_iter().map(Row::read).collect::<Result<_, _>>()?;
-    let recorded = if is_in_use(folder) { recorded(&rows) } else { None };
+    let recorded = recorded(folder, rows.iter().map(|row| &row.state));
+    let recorded = recorded.as_deref();
     let complete = rows.iter().filter(|row| row.state.complete().is_some()).count();
     let mut link = LinkStats::default();
     let trials = count(rows.len(), "trial");
@@ -298,14 +304,6 @@ fn scatter(repeats: &Repeats) -> String {
     let remarks = repeats.angles.iter().filter_map(|one| Some(format!("    {}\n", one.remark()?)));
     let trials = count(repeats.trials.len(), "repeat");
     format!("  {trials} at {}: {angles}\n{}", repeats.speeds(), remarks.collect::<String>())
-}
-
-/// Returns the log that is being recorded: of those without a summary, the one that was written to last. The others are
-/// those of recordings that were killed.
-fn recorded(rows: &[Row]) -> Option<&Path> {
-    let open = rows.iter().filter_map(|row| row.state.best()).filter(|attempt| attempt.summary.is_none());
-    let written = |attempt: &&Attempt| attempt.path.metadata().and_then(|file| file.modified()).ok();
-    open.max_by_key(written).map(|attempt| attempt.path.as_path())
 }
 
 /// Formats the state of a trial of a session, one log of which may be `recorded` at present.

@@ -24,6 +24,13 @@ pub(super) struct Sum {
     pub sha256: String,
 }
 
+impl Sum {
+    /// Returns the sum of a content.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self { size: bytes.len() as u64, sha256: hex(&Sha256::digest(bytes)) }
+    }
+}
+
 /// Returns the sums of all files, in their order.
 pub(super) fn sums(entries: &[Entry]) -> Result<Vec<Sum>, PackError> {
     entries.iter().map(|entry| copy(entry, &mut io::sink(), PackError::reading(&entry.file))).collect()

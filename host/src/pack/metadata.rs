@@ -13,10 +13,12 @@ const NAME: &str = "ro-crate-metadata.json";
 
 /// Adds both files. `sums`: of the files that are there.
 pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums: &[Sum]) -> Result<(), PackError> {
-    let metadata = format!("{:#}\n", crate_of(content, session, about, sums));
     let manifest: String =
         content.entries.iter().zip(sums).map(|(entry, sum)| format!("{}  {}\n", sum.sha256, entry.name)).collect();
     content.add_text("manifest-sha256.txt", &manifest, "SHA-256 of each file")?;
+    // The metadata lists the manifest, too.
+    let sums = [sums, &[Sum::of(manifest.as_bytes())]].concat();
+    let metadata = format!("{:#}\n", crate_of(content, session, about, &sums));
     content.add_text(NAME, &metadata, "This archive for programs")
 }
 
@@ -30,7 +32,9 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
     let files: Vec<_> = content.entries.iter().map(|entry| json!({ "@id": address(&entry.name) })).collect();
     let is_log = |name: &str| name.starts_with("session/") && name.ends_with(".mcap");
     let logs = content.entries.iter().filter(|entry| is_log(&entry.name));
-    let logs: Vec<_> = logs.map(|entry| json!({ "@id": address(&entry.name) })).collect();
+    let mut logs: Vec<_> = logs.map(|entry| json!({ "@id": address(&entry.name) })).collect();
+    // A single value is no list, by the recommendation of RO-Crate.
+    let logs = if logs.len() == 1 { logs.remove(0) } else { Value::from(logs) };
     let trials = text::count(plan.trials.len(), "trial");
     let description = format!(
         "{trials} of a robot with two soft helical flagella in glycerin: attitude, speeds of both motors, and steady angles with \
@@ -45,7 +49,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
         "datePublished": timestamp(SystemTime::now()),
         "license": license,
         "hasPart": files,
-        "mentions": [{ "@id": "#recording" }],
+        "mentions": { "@id": "#recording" },
     });
     if let (Some(root), Some(author)) = (root.as_object_mut(), &author) {
         root.insert("author".to_owned(), author.clone());

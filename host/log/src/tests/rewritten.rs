@@ -192,6 +192,43 @@ fn message_that_cannot_be_decoded_damages_the_log() {
     assert_eq!(check_by_reading(&path), (Condition::Damaged, 1));
 }
 
+/// A log is damaged whichever channels are read, and whichever of its channels it is.
+#[test]
+fn message_of_each_channel_that_cannot_be_decoded_damages_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write(&path, 8);
+    let bytes = rewrite(&path, Rewriting { chunks: false, crcs: false, index: false, lz4: false });
+    let data_end = bytes.windows(9).rposition(|head| head == [0x0F, 4, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    let with = |channel: u16| {
+        let message = [&channel.to_le_bytes()[..], &[0; 20], &[0x07]].concat();
+        let record = [&[0x05][..], &(message.len() as u64).to_le_bytes(), &message].concat();
+        std::fs::write(&path, [&bytes[..data_end], &record, &bytes[data_end..]].concat()).unwrap();
+        let mut some = Reader::open(&path).unwrap().only(vec!["/event"]);
+        some.by_ref().for_each(|message| drop(message.unwrap()));
+        assert_eq!(some.losses(), check(&path).unwrap(), "channel {channel}");
+        some.losses().len()
+    };
+    for spec in crate::schema::CHANNELS {
+        assert_eq!(with(spec.id), 1, "{}", spec.topic);
+    }
+    assert_eq!(with(900), 0, "a channel of another program");
+}
+
+/// A known channel of another type cannot be read, and is not passed over.
+#[test]
+fn channel_of_another_type_damages_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write(&path, 8);
+    let mut bytes = rewrite(&path, Rewriting { chunks: false, crcs: false, index: false, lz4: false });
+    let name = b"biflag.Telemetry";
+    let schema = bytes.windows(name.len()).position(|window| window == name).unwrap();
+    bytes[schema + name.len() - 1] = b'x';
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(check_by_reading(&path), (Condition::Damaged, 1));
+}
+
 /// Returns a log's condition and number of losses after its last message.
 fn check_by_reading(path: &Path) -> (Condition, usize) {
     let mut reader = Reader::open(path).unwrap();

@@ -43,7 +43,8 @@ def from_arrays(
         path: The log to write, which must not exist.
         time: Times in s, shape (n,).
         attitude: Yaw, pitch and roll in degrees, shape (n, 3): the body is turned about z (up), then about the new y, then
-            about the new x. A row with a NaN is left out.
+            about the new x. A row with a NaN is left out. An angle with one value in all rows, such as 0, was not measured: it
+            has no ±, and :func:`calibrate` refuses the trial.
         speeds: Target speeds of flagella 1 and 2 in rpm; by default those of ``motor_rpm`` or ``motor_turns``.
         motor_rpm: Measured speeds in rpm, shape (n, 2).
         motor_turns: Measured turns of the shafts, shape (n, 2).

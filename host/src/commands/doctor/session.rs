@@ -2,7 +2,7 @@
 
 use super::super::findings::finding_line;
 use super::{Check, Finding, check};
-use crate::session::{Session, TrialState, is_in_use};
+use crate::session::{Session, TrialState, recorded};
 use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::End;
 use rayon::prelude::*;
@@ -11,10 +11,12 @@ use std::path::Path;
 /// Checks each trial; returns also the findings about all logs.
 pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFinding>)> {
     let states = Session::open(folder)?.checked_states()?;
-    let is_in_use = is_in_use(folder);
+    let recorded = recorded(folder, states.iter());
     let one = |state: &TrialState| {
-        let found = found(state);
-        (check(format!("trial {}", state.trial.name), judged(trial(state, is_in_use), &found)), found)
+        let is_open = recorded.is_some() && state.best().map(|attempt| &attempt.path) == recorded.as_ref();
+        // A log that is being recorded has no end yet.
+        let found = if is_open { state.left_out.clone() } else { found(state) };
+        (check(format!("trial {}", state.trial.name), judged(trial(state, is_open), &found)), found)
     };
     let (checks, found): (Vec<_>, Vec<_>) = states.par_iter().map(one).collect();
     Ok((checks, found.concat()))
@@ -39,8 +41,8 @@ fn judged(result: Finding, found: &[LogFinding]) -> Finding {
     }
 }
 
-/// Returns the condition of a trial's log. `is_in_use`: whether a program writes into the session.
-fn trial(state: &TrialState, is_in_use: bool) -> Finding {
+/// Returns the condition of a trial's log. `is_open`: whether it is being recorded.
+fn trial(state: &TrialState, is_open: bool) -> Finding {
     let repeat = "`biflag record PLAN --resume` repeats the trial".to_owned();
     if let Some(attempt) = state.complete() {
         let samples = attempt.summary.as_ref().map_or(0, |summary| summary.link.samples);
@@ -50,11 +52,10 @@ fn trial(state: &TrialState, is_in_use: bool) -> Finding {
     let path = last.path.display();
     let recover = format!("`biflag recover {path}` keeps what can be read; {repeat}");
     match &last.summary {
-        _ if !last.losses.is_empty() => Err((format!("{path}: {}", last.losses.join("; ")), recover)),
-        None if is_in_use => {
-            let wait = "ask again when `biflag record` has ended: no log is recovered before".to_owned();
-            Err((format!("{path} is being recorded, or is cut off"), wait))
+        _ if is_open => {
+            Err((format!("{path} is being recorded"), "ask again when `biflag record` has ended".to_owned()))
         }
+        _ if !last.losses.is_empty() => Err((format!("{path}: {}", last.losses.join("; ")), recover)),
         None => Err((format!("{path} is cut off"), recover)),
         Some(summary) if summary.end == End::Complete => Err((format!("{path} is damaged"), recover)),
         Some(summary) => Err((format!("{path} is not complete: {}", summary.reason), repeat)),

@@ -36,7 +36,8 @@ pub struct States {
     pub rows: Vec<State>,
     /// Number of rows left out because of a missing value.
     pub left_out: u64,
-    /// The quantities given as constants.
+    /// The quantities that were not measured: given as constants, or an angle with the same value in all rows, which programs
+    /// without this angle write.
     pub constant: Vec<String>,
     /// The mapping of columns to quantities.
     pub columns: String,
@@ -93,7 +94,9 @@ impl States {
                 "name another table",
             ));
         }
-        Ok(Self { rows, ..Self::default() })
+        let is_constant = |k: &usize| rows.iter().all(|row| row.angles_deg[*k] == rows[0].angles_deg[*k]);
+        let constant = (0..3).filter(is_constant).map(|k| ["yaw", "pitch", "roll"][k].to_owned()).collect();
+        Ok(Self { rows, constant, ..Self::default() })
     }
 }
 
@@ -122,20 +125,25 @@ impl Table {
     pub fn read(path: &Path) -> Result<Self, ImportError> {
         let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
         let name = path.display().to_string();
-        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+        let text = std::str::from_utf8(&bytes).map_err(|_| {
+            ImportError::table(&name, "is no text in UTF-8", "write the table as CSV in UTF-8, which every program can")
+        })?;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut rows = Vec::new();
         let mut format = csv::ReaderBuilder::new();
-        let mut reader = format.delimiter(delimiter(text)).comment(Some(b'#')).has_headers(false).from_reader(text);
+        let mut reader =
+            format.delimiter(delimiter(text)).comment(Some(b'#')).has_headers(false).from_reader(text.as_bytes());
         for record in reader.records() {
             let record = record
                 .map_err(|error| ImportError::table(&name, error.to_string(), "name a table in the format CSV"))?;
-            let line = record.position().map_or(0, csv::Position::line);
+            let line = record.position().map_or(0, |position| line_of(text.as_bytes(), position));
             rows.push((line, record.iter().map(|cell| cell.trim().to_owned()).collect::<Vec<_>>()));
         }
         if rows.is_empty() {
             return Err(ImportError::table(&name, "is empty", "name a table in the format CSV"));
         }
-        let is_number = |cell: &String| is_empty(cell) || cell.parse::<f64>().is_ok();
+        // A row of decimal commas is none of names, although it cannot be read.
+        let is_number = |cell: &String| is_empty(cell) || cell.replace(',', ".").parse::<f64>().is_ok();
         let header = match rows.first() {
             Some((_, cells)) if !cells.iter().all(is_number) || is_numbering(cells) => rows.remove(0).1,
             _ => Vec::new(),
@@ -168,7 +176,9 @@ impl Table {
         let left_out = (self.rows.len() - states.len()) as u64;
         let checked = States::new(states, &self.name, |row| format!("line {}", lines[row]))?;
         let source = Path::new(&self.name).file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
-        let (columns, constant) = (mapping.to_string(), mapping.constants());
+        let columns = mapping.to_string();
+        let given = mapping.constants().into_iter().filter(|name| !checked.constant.contains(name));
+        let constant = [checked.constant.clone(), given.collect()].concat();
         Ok(States { left_out, constant, columns, source, source_sha256: self.sha256.clone(), ..checked })
     }
 
@@ -255,6 +265,22 @@ impl Table {
     }
 }
 
+/// Returns the line of the record at a position, which may be before the end of the last line, and before comments and empty
+/// lines.
+fn line_of(text: &[u8], position: &csv::Position) -> u64 {
+    let mut line = position.line();
+    let mut rest = text.get(position.byte() as usize..).unwrap_or_default();
+    while let Some(skipped) = match rest.first() {
+        Some(b'#') => rest.iter().position(|byte| *byte == b'\n'),
+        Some(b'\n' | b'\r') => Some(0),
+        _ => None,
+    } {
+        line += u64::from(rest[skipped] == b'\n');
+        rest = &rest[skipped + 1..];
+    }
+    line
+}
+
 /// Returns whether the cells number the columns, from 0 or 1.
 fn is_numbering(cells: &[String]) -> bool {
     let counts = |from: usize| cells.iter().enumerate().all(|(i, cell)| *cell == (i + from).to_string());
@@ -265,10 +291,22 @@ fn is_empty(cell: &str) -> bool {
     EMPTY.contains(&cell.to_lowercase().as_str())
 }
 
-/// Returns the most frequent separator of the first line that is not a comment.
-fn delimiter(text: &[u8]) -> u8 {
-    let line = text.split(|byte| *byte == b'\n').find(|line| !line.is_empty() && line[0] != b'#').unwrap_or_default();
-    let times = |separator: &u8| line.iter().filter(|byte| *byte == separator).count();
-    // On a tie, the last one wins: the comma.
-    [b'\t', b';', b','].into_iter().max_by_key(times).unwrap_or(b',')
+/// Returns the separator: tab, semicolon or comma, whichever comes first with equal counts in the first two lines; otherwise
+/// the most frequent one of the first line. A comma may be a decimal sign, and a semicolon may be part of a name.
+fn delimiter(text: &str) -> u8 {
+    let is_content = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
+    let mut lines = text.lines().filter(is_content);
+    let [first, second] = [lines.next(), lines.next()].map(Option::unwrap_or_default);
+    let times = |line: &str, separator: char| {
+        let unquoted = line.split('"').step_by(2);
+        unquoted.flat_map(str::chars).filter(|one| *one == separator).count()
+    };
+    let is_regular = |separator: &char| {
+        let count = times(first, *separator);
+        count > 0 && (second.is_empty() || times(second, *separator) == count)
+    };
+    let regular = ['\t', ';', ','].into_iter().find(is_regular);
+    // Of equally many, the last one: the comma.
+    let frequent = || ['\t', ';', ','].into_iter().max_by_key(|separator| times(first, *separator));
+    regular.or_else(frequent).map_or(b',', |separator| separator as u8)
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::plan::{PHYSICAL, RobotFile, robot};
 use crate::trial::{Data, Want, Zeroed, findings};
+use protocol::units::CentiRpm;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -167,7 +168,28 @@ fn an_angle_that_was_not_measured_has_no_uncertainty() {
     assert_eq!((angles.yaw_uncertainty_deg, angles.roll_uncertainty_deg), (Some(0.5), None));
     let known = zeroed.causes(&data.times.run).map(|causes| causes.is_some());
     assert_eq!(known, [true, true, false]);
-    assert!(zeroed.over_time(&[3.0], 1.0).is_none(), "no fit may weigh it");
+    let over_time = zeroed.over_time(&[3.0], 1.0).map(|angle| angle.is_some());
+    assert_eq!(over_time, [true, true, false], "a comparison judges the others, and no fit weighs the trial");
+}
+
+/// A program that has no pitch may write zeros.
+#[test]
+fn an_angle_of_one_value_was_not_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("a.csv");
+    let row = |i: u32| {
+        let (yaw, roll) = (0.02 * f64::from(i % 7), 0.01 * f64::from(i % 3));
+        format!("{},{yaw},0,{roll},37.7,-12.3\n", 0.1 * f64::from(i))
+    };
+    std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
+    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=1".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    assert_eq!(states.constant, ["pitch", "w2"]);
+    let log = folder.path().join("a.mcap");
+    write(&states, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() }, "a.csv", &log).unwrap();
+    let data = Data::read(&log, Want::default()).unwrap();
+    let known = Zeroed::new(&data).causes(&data.times.run).map(|causes| causes.is_some());
+    assert_eq!(known, [true, false, true]);
 }
 
 #[test]
@@ -236,6 +258,73 @@ fn what_cannot_be_imported_is_said() {
         assert!(error.to_string().contains(why) && error.is_wrong_use(), "{why}: {error}");
         assert!(!log.exists());
     }
+}
+
+/// Decimal commas are told from separators, and the end of an empty line is none of its cells.
+#[test]
+fn separator_is_told_from_a_decimal_comma() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("a.csv");
+    let read = |bytes: &[u8]| {
+        std::fs::write(&csv, bytes).unwrap();
+        Table::read(&csv)
+    };
+    for text in ["\r\nt;y\r\n0;1\r\n1;2\r\n", "# 1,2\n\nt;\"y, seen; deg\"\n0;1\n1;2\n", "\"t, s;\",y\n0,1\n1,2\n"] {
+        let states = read(text.as_bytes()).unwrap().states(&"time=#1,yaw=#2,pitch=0,roll=0".parse().unwrap()).unwrap();
+        assert_eq!((states.rows.len(), states.rows[1].angles_deg[0]), (2, 2.0), "{text:?}");
+    }
+    let table = read(b"0,00;1,5;2\n0,05;1,5;2\n").unwrap();
+    let error = table.states(&"time=#1,yaw=#2,pitch=#3,roll=0".parse().unwrap()).unwrap_err();
+    assert!(error.to_string().ends_with("\"0,00\" for time is not a number"), "{error}");
+    for bytes in [&b"t,\xB0\n0,1\n"[..], b"\xFF\xFEt\0,\0y\0"] {
+        let error = read(bytes).unwrap_err();
+        assert!(error.to_string().ends_with("is no text in UTF-8") && error.is_wrong_use(), "{error}");
+    }
+}
+
+/// As an editor counts them: with the line ends of Windows, comments and empty lines.
+#[test]
+fn errors_name_the_line_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("a.csv");
+    let text = "# a camera\n\nt;y\n0;1\n# it was lost\n\n1;2\n2;x\n3;4\n";
+    for (text, line) in
+        [(text.to_owned(), 8), (text.replace('\n', "\r\n"), 8), (text.replace("# it was lost\n", ""), 7)]
+    {
+        std::fs::write(&csv, format!("\u{feff}{text}")).unwrap();
+        let error = Table::read(&csv).unwrap().states(&"time=t,yaw=y,pitch=0,roll=0".parse().unwrap()).unwrap_err();
+        assert!(error.to_string().contains(&format!("line {line}: \"x\" for yaw")), "{error}");
+    }
+}
+
+/// The tilt of a camera's frame does not turn with the body, and that of a mounting does.
+#[test]
+fn tilt_at_rest_that_may_be_of_the_frame_is_said() {
+    let found = |yaw_deg: f64, tilt_deg: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = folder.path().join("a.csv");
+        let of = |roll: f64, pitch: f64, yaw: f64| {
+            nalgebra::UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians())
+        };
+        let row = |i: u32| {
+            let time_s = 0.1 * f64::from(i);
+            let share = ((time_s - 5.0) / 3.0).clamp(0.0, 1.0);
+            let q = of(0.0, tilt_deg, 0.0) * of(2.0 * share, 4.0 * share, yaw_deg * share);
+            format!("{time_s},{},{},{},{}\n", q.w, q.i, q.j, q.k)
+        };
+        std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
+        let states = Table::read(&csv).unwrap().states(&"time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap()).unwrap();
+        let speeds = Some([37.7, -12.3].map(CentiRpm::from_rpm));
+        let known = Conditions { uncertainty_deg: Some([0.5, 0.3]), speeds, run_s: Some(5.0..39.0), ..conditions() };
+        let log = folder.path().join("a.mcap");
+        write(&states, &known, "a.csv", &log).unwrap();
+        let data = Data::read(&log, Want::default()).unwrap();
+        let findings = findings(&data, &Zeroed::new(&data));
+        findings.into_iter().map(|finding| finding.text).find(|text| text.contains("the tilt at rest"))
+    };
+    let said = found(-67.0, 3.0).unwrap();
+    assert!(said.contains("pitch 3.0° and roll 0.0°") && said.ends_with("are -67.00°, 4.00° and 2.00°"), "{said}");
+    assert_eq!([found(-67.0, 0.1), found(3.0, 3.0)], [None, None], "within the stated uncertainty");
 }
 
 /// Motors that need 3 s to stop are not in the run, and the numbers of the columns are names.

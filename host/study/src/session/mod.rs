@@ -19,12 +19,14 @@ mod identity;
 mod lock;
 mod manifest;
 mod rebuild;
+mod recorded;
 mod rig;
 
 pub use error::SessionError;
 pub use lock::{Lock, Sharing, UNFINISHED, is_in_use};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
+pub use recorded::{is_being_recorded, recorded};
 
 use crate::plan::{Plan, Trial};
 use crate::text::count;

@@ -150,11 +150,12 @@ impl Errors {
         [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
     }
 
-    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` without
-    /// a still phase or a known bias.
-    pub fn over_time(&self, angles: &Columns<3>, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
-        let (drift, zero) = (self.drift.as_ref()?.covariance(times)?, self.tilt_zero.as_ref()?);
-        let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` for the yaw without a
+    /// still phase or a known bias, and for the others without a zero of the tilt.
+    pub fn over_time(&self, angles: &Columns<3>, times: &[f64], block_s: f64) -> [Option<OverTime>; 3] {
+        let drift = self.drift.as_ref().and_then(|drift| drift.covariance(times));
+        let zero = self.tilt_zero.as_ref();
+        let constant = |tilt: usize| Some(DMatrix::from_element(times.len(), times.len(), zero?.variance(tilt)));
         let mut own = [drift, constant(0), constant(1)];
         let blocks: Vec<_> = times.iter().map(|time| time - 0.5 * block_s..time + 0.5 * block_s).collect();
         let effects: Vec<_> = blocks.iter().map(|block| self.effects(block)).collect();
@@ -163,20 +164,18 @@ impl Errors {
             [effects.measured_clock, pitch, roll]
         };
         let wholly: Vec<_> = blocks.iter().zip(&effects).map(of_trial).collect();
-        for (angle, own) in own.iter_mut().enumerate() {
+        let block_variance = |tilt: usize| zero.map_or(0.0, |zero| zero.block_variance(tilt));
+        let block_variances = [0.0, block_variance(0), block_variance(1)];
+        [0, 1, 2].map(|angle| {
+            let mut own = own[angle].take()?;
             for i in 0..times.len() {
                 for j in 0..times.len() {
                     own[(i, j)] += wholly[i][angle] * wholly[j][angle];
                 }
             }
-        }
-        let blocks = [0.0, zero.block_variance(0), zero.block_variance(1)];
-        let mut each = own.into_iter().zip(blocks).enumerate().map(|(angle, (own, block_variance))| OverTime {
-            own,
-            effects: DMatrix::from_fn(times.len(), SENSOR_ERRORS, |i, k| effects[i].common[angle][k]),
-            block_variance,
-        });
-        Some([each.next()?, each.next()?, each.next()?])
+            let effects = DMatrix::from_fn(times.len(), SENSOR_ERRORS, |i, k| effects[i].common[angle][k]);
+            Some(OverTime { own, effects, block_variance: block_variances[angle] })
+        })
     }
 
     fn effects(&self, over: &Range<f64>) -> Effects {

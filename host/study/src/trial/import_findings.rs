@@ -4,8 +4,9 @@ use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::import_rest::REST_S;
 use super::zero::Zeroed;
-use crate::attitude::rotation;
+use crate::attitude::{Euler, rotation};
 use crate::text::count;
+use nalgebra::UnitQuaternion;
 use std::ops::Range;
 
 /// Speeds that differ by no more than this are the same, rpm, and as a share.
@@ -40,6 +41,7 @@ pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         .chain(turned_before(data))
         .chain(lost(data))
         .chain(zeros(data))
+        .chain(side_of_tilt(zeroed))
         .collect();
     let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
     if import.left_out > 0 {
@@ -48,7 +50,7 @@ pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     }
     if !import.constant.is_empty() {
         let (names, were) = (import.constant.join(", "), if import.constant.len() == 1 { "was" } else { "were" });
-        slight(format!("{names} {were} not measured: a constant was given"), "");
+        slight(format!("{names} {were} not measured: one value in all rows"), "");
     }
     if let Some(rms_deg) = import.clock_rms_deg
         && rms_deg > import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG)
@@ -80,6 +82,30 @@ fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
             grave(text, "import one run at constant speeds: name it with --run")
         })
     })
+}
+
+/// Returns a finding if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
+/// instrument's frame, whose vertical is askew: the latter does not turn with the body.
+fn side_of_tilt(zeroed: &Zeroed) -> Option<Finding> {
+    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
+    let angles = zeroed.angles()?;
+    let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
+    let of = |[yaw, pitch, roll]: [f64; 3]| {
+        UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians())
+    };
+    let askew = of([0.0, pitch_deg, roll_deg]);
+    let Euler { yaw_deg: yaw, pitch_deg: pitch, roll_deg: roll } = Euler::of(&(askew.inverse() * of(body) * askew));
+    // The yaw may have made full turns.
+    let yaw = body[0] + (yaw - body[0] + 180.0).rem_euclid(360.0) - 180.0;
+    let others = [yaw, pitch, roll];
+    let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
+    let matters = |k: usize| (others[k] - body[k]).abs() > stated[k].unwrap_or(UNKNOWN_DEG);
+    let text = format!(
+        "the tilt at rest, pitch {pitch_deg:.1}° and roll {roll_deg:.1}°, is taken for that of the mounting on the body; if it \
+         is the instrument's frame that is askew, yaw, pitch and roll are {yaw:.2}°, {pitch:.2}° and {roll:.2}°"
+    );
+    let cure = "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty";
+    (0..3).any(matters).then(|| Finding::slight(FindingKind::Conduct, text, cure))
 }
 
 fn grave(text: String, cure: &str) -> Finding {

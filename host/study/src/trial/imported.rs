@@ -78,15 +78,14 @@ impl Stated {
         [0, 1, 2].map(|angle| Some(Causes { own: vec![self.term(angle)?], effects_deg: Vec::new() }))
     }
 
-    /// Returns the uncertainty at a number of times; `None` if an angle was not measured. The import does not state
+    /// Returns the uncertainty at a number of times; `None` for an angle that was not measured. The import does not state
     /// whether the error is common to all times or differs between them, so both are included.
-    pub fn over_time(&self, times: usize) -> Option<[OverTime; 3]> {
+    pub fn over_time(&self, times: usize) -> [Option<OverTime>; 3] {
         let of = |u_deg: f64| {
             let own = DMatrix::from_element(times, times, u_deg.powi(2))
                 + DMatrix::from_diagonal_element(times, times, u_deg.powi(2));
             OverTime { own, ..OverTime::exact(times) }
         };
-        let [yaw, pitch, roll] = self.u_deg;
-        Some([of(yaw?), of(pitch?), of(roll?)])
+        self.u_deg.map(|u_deg| u_deg.map(of))
     }
 }

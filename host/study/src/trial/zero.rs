@@ -382,14 +382,15 @@ impl Zeroed {
         }
     }
 
-    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; exact for a
-    /// model, `None` as for [`Self::yaw_budget`].
-    pub(crate) fn over_time(&self, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; exact for a model, `None` as
+    /// for [`Self::yaw_budget`].
+    pub(crate) fn over_time(&self, times: &[f64], block_s: f64) -> [Option<OverTime>; 3] {
+        let unknown = [const { None }; 3];
         match &self.known {
-            _ if self.is_unsure => None,
-            Known::Exact => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
+            _ if self.is_unsure => unknown,
+            Known::Exact => std::array::from_fn(|_| Some(OverTime::exact(times.len()))),
             Known::Sensor(errors) => errors.over_time(&self.angles_deg, times, block_s),
-            Known::Stated(stated) => stated.and_then(|stated| stated.over_time(times.len())),
+            Known::Stated(stated) => stated.map_or(unknown, |stated| stated.over_time(times.len())),
         }
     }
 

@@ -17,7 +17,7 @@ mod speeds;
 
 pub use compare::{
     AngleComparison, Compared, Comparison, Difference, Limit, OnMismatch, Point, Settling, Sides, Transient,
-    Uncertainty, compare, is_replay_of,
+    Uncertainty, Unjudged, compare, is_replay_of,
 };
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};

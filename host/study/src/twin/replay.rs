@@ -56,9 +56,30 @@ pub struct Replayed {
     pub wall_s: Option<f64>,
     /// Findings about the recording.
     pub findings: Vec<Finding>,
-    /// Whether the result depends on the helix angles. The encoders do not measure them, because they count from the
-    /// start of the board.
-    pub needs_phase: bool,
+    /// How to find the helix angles, if the result depends on them. The encoders do not measure them, because they count from
+    /// the start of the board.
+    pub needs_phase: Option<PhaseCure>,
+}
+
+/// How the helix angles of a trial can be found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PhaseCure {
+    /// By a fit to the trial.
+    Fit,
+    /// By no fit: not all of its angles were measured, with an uncertainty.
+    State,
+}
+
+impl PhaseCure {
+    /// Returns what to do.
+    fn text(self) -> &'static str {
+        match self {
+            Self::Fit => "`biflag calibrate --fit phase` finds it",
+            Self::State => {
+                "a fit that finds it needs yaw, pitch and roll with an --uncertainty; or name a --robot with `phase_deg`"
+            }
+        }
+    }
 }
 
 /// The replays of a source, each with the caller's result for it.
@@ -77,16 +98,17 @@ pub struct Replays<T> {
 impl<T> Replays<T> {
     /// Returns a note for the user about helix angles that the encoders do not measure.
     pub fn note_on_phases(&self) -> Option<String> {
-        let mut needing = self.trials.iter().filter(|(replayed, _)| replayed.needs_phase);
-        let (first, _) = needing.next()?;
-        let others = match needing.count() {
+        let mut needing = self.trials.iter().filter_map(|(one, _)| Some((&one.trial.name, one.needs_phase?)));
+        let (first, cure) = needing.next()?;
+        let others: Vec<_> = needing.collect();
+        let and_others = match others.len() {
             0 => String::new(),
             count => format!(" and {}", crate::text::count(count, "other trial")),
         };
+        let cure = others.iter().fold(cure, |cure, (_, other)| if *other == PhaseCure::Fit { *other } else { cure });
         Some(format!(
-            "the results of {}{others} depend on how the flagella stood when the board started, which the encoders do not know; \
-             `biflag calibrate --fit phase` finds it",
-            first.trial.name
+            "the results of {first}{and_others} depend on how the flagella stood at the start, which the encoders do not know; {}",
+            cure.text()
         ))
     }
 }
@@ -186,12 +208,13 @@ struct Prepared {
     model: Model,
     course: Course,
     findings: Vec<Finding>,
-    needs_phase: bool,
+    needs_phase: Option<PhaseCure>,
 }
 
 fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Settings) -> Result<Prepared, TwinError> {
     data.check().map_err(|error| TwinError::unusable(data, error))?;
-    let findings = findings(data, &Zeroed::new(data));
+    let zeroed = Zeroed::new(data);
+    let findings = findings(data, &zeroed);
     let course = course(data, trial)?;
     let robot = match robot {
         Some(robot) => robot.clone(),
@@ -203,6 +226,8 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
         && !is_known
         && [Origin::Rig, Origin::Imported].contains(&data.origin())
         && robot.flagellum.phase_deg == [0.0; 2];
+    let is_weighed = data.origin() != Origin::Imported || zeroed.causes(&zeroed.seen_run()).iter().all(Option::is_some);
+    let needs_phase = needs_phase.then_some(if is_weighed { PhaseCure::Fit } else { PhaseCure::State });
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);

@@ -43,6 +43,8 @@ pub struct FitTrial {
     pub(super) ratio: Option<Ratio>,
     /// Whether it was recorded on a rig, with unknown starting angles of the flagella.
     pub(super) is_of_rig: bool,
+    /// Whether other instruments measured it.
+    pub(super) is_imported: bool,
     /// Number of the board and of its start. Its encoders count from that start.
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
@@ -87,17 +89,17 @@ impl FitTrial {
         let findings = findings(data, &zeroed);
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let errors = match zeroed.over_time(&centres, BLOCK_S) {
-            Some(errors) => errors,
-            // The fit leaves the trial out with a warning: see [`super::select`].
-            None if findings.iter().any(Finding::empties_uncertainty) => {
+            [Some(yaw), Some(pitch), Some(roll)] => [yaw, pitch, roll],
+            // The fit leaves the trial out, and says why: see [`super::select`].
+            _ if findings.iter().any(Finding::empties_uncertainty) => {
                 std::array::from_fn(|_| OverTime::exact(count))
             }
-            None if data.origin() == Origin::Imported => {
+            _ if data.origin() == Origin::Imported => {
                 let reason = "was imported without an uncertainty, or without one of its angles, so that no fit can weigh it".to_owned();
                 let help = "import it with --uncertainty, and with yaw, pitch and roll";
                 return Err(TwinError::unusable(data, Unusable { reason, help }));
             }
-            None => return Err(match zeroed.drift().map(|drift| drift.variance(run.end)) {
+            _ => return Err(match zeroed.drift().map(|drift| drift.variance(run.end)) {
                 None => unusable("has no still phase before the run, so the drift of its yaw is unknown"),
                 Some(Some(_)) => unusable("has a still phase before the run that is too short"),
                 Some(None) => TwinError::unusable(data, Unusable {
@@ -121,6 +123,7 @@ impl FitTrial {
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
             is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
+            is_imported: data.origin() == Origin::Imported,
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
             errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),

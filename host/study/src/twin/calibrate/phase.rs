@@ -30,6 +30,12 @@ pub(super) fn with_both(requested: &[Parameter], trials: &[FitTrial]) -> Result<
         return Err(failed("the phase of the flagella does not matter at the speeds of these trials", help));
     }
     let starts: BTreeSet<_> = trials.iter().map(|trial| trial.board_start).collect();
+    if trials.len() > 1
+        && let Some(trial) = trials.iter().find(|trial| trial.is_imported)
+    {
+        let reason = format!("{} was imported: how its flagella stood has nothing to do with other trials", trial.name);
+        return Err(failed(&reason, "fit the phase to one imported trial alone"));
+    }
     if starts.len() > 1 {
         let reason =
             format!("the logs come from {} starts of the board, from which the encoders count anew", starts.len());
@@ -44,8 +50,12 @@ pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Paramete
     let is_known = start.flagellum.phase_deg != [0.0; 2] || parameters.iter().any(|parameter| parameter.is_phase());
     let depending = trials.iter().filter(|trial| trial.is_of_rig && trial.ratio.is_some()).count();
     (!is_known && depending > 0).then(|| {
+        let cure = match trials.len() > 1 && trials.iter().any(|trial| trial.is_imported) {
+            true => "fit it to each imported trial alone, with --fit phase",
+            false => "fit it too, with `phase` in --fit",
+        };
         let trials = crate::text::count(depending, "trial");
-        format!("the results of {trials} depend on how the flagella stood when the board started: fit it too, with `phase` in --fit")
+        format!("the results of {trials} depend on how the flagella stood when the board started: {cure}")
     })
 }
 

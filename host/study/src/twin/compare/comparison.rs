@@ -29,6 +29,8 @@ pub struct Comparison {
     pub pitch: AngleComparison,
     /// The roll of both.
     pub roll: AngleComparison,
+    /// Why no transient is judged; `None` if every transient with a known uncertainty is.
+    pub unjudged: Option<Unjudged>,
     /// Settling times of both.
     pub settling: Settling,
     /// Share of the run in which both attitudes are known; gaps of a log make up the rest.
@@ -211,6 +213,28 @@ impl Transient {
     /// Returns whether it is larger than allowed.
     pub fn differs(self) -> bool {
         self.residual_deg > self.allowed_deg
+    }
+}
+
+/// Why the transients of a run are not judged.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Unjudged {
+    /// The run before its steady end is too short.
+    Short,
+    /// Too little of the run before its steady end was measured.
+    Gaps,
+}
+
+impl Unjudged {
+    /// All reasons.
+    pub const ALL: [Self; 2] = [Self::Short, Self::Gaps];
+
+    /// Returns the reason as part of a sentence.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Short => "the run is too short to judge the transients",
+            Self::Gaps => "gaps leave too little of the run to judge the transients",
+        }
     }
 }
 

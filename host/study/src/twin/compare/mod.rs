@@ -15,7 +15,9 @@ mod steady;
 mod transient;
 mod verdict;
 
-pub use comparison::{AngleComparison, Comparison, Difference, Limit, Point, Settling, Transient, Uncertainty};
+pub use comparison::{
+    AngleComparison, Comparison, Difference, Limit, Point, Settling, Transient, Uncertainty, Unjudged,
+};
 pub use pair::is_replay_of;
 pub use sides::Sides;
 
@@ -109,7 +111,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
     let angle = |k: usize| {
         let causes = causes[k].as_ref();
         let uncertainty = causes.map(|causes| Uncertainty::of(&causes.budget));
-        let transient = blocks.as_ref().zip(uncertainty);
+        let transient = blocks.as_ref().ok().zip(uncertainty);
         AngleComparison {
             angle: ANGLES[k],
             measured_deg: steady.measured_deg[k],
@@ -143,7 +145,8 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         yaw,
         pitch,
         roll,
-        settling: settling(pair, aligned, blocks.as_ref()),
+        unjudged: blocks.as_ref().err().copied(),
+        settling: settling(pair, aligned, blocks.as_ref().ok()),
         compared_share: aligned.share(),
         yaw_drift_deg: measured.zeroed.yaw_drift(middle_s),
         measured_zero_deg: measured.zeroed.zero_deg,

@@ -9,7 +9,7 @@
 //! square is compared with the bound from this covariance ([`ExpectedRms`]), plus the tolerance of the model.
 
 use super::aligned::Aligned;
-use super::comparison::{Settling, Transient, Uncertainty};
+use super::comparison::{Settling, Transient, Uncertainty, Unjudged};
 use super::pair::Pair;
 use crate::statistics::ExpectedRms;
 use crate::trial::{BLOCK_S, OverTime};
@@ -48,13 +48,16 @@ struct Block {
 pub(super) struct Blocks {
     blocks: Vec<Block>,
     length_s: f64,
-    /// Covariances of yaw, pitch and roll; `None` if the uncertainty of either attitude is unknown.
-    covariances: Option<[DMatrix<f64>; 3]>,
+    /// Covariances of yaw, pitch and roll; `None` for an angle if its uncertainty is unknown in either attitude.
+    covariances: [Option<DMatrix<f64>>; 3],
 }
 
 impl Blocks {
-    /// Divides the common run, whose steady end is `window`; returns `None` if it is too short.
-    pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Option<Self> {
+    /// Divides the common run, whose steady end is `window`.
+    ///
+    /// # Errors
+    /// [`Unjudged`] if too few blocks are left before it.
+    pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Result<Self, Unjudged> {
         let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
         let count = (window.end / length_s + 1e-6).floor() as usize;
         let block = |i: usize| {
@@ -78,26 +81,28 @@ impl Blocks {
         let blocks: Vec<Block> = (0..count).filter_map(block).collect();
         let steady = blocks.iter().filter(|block| block.is_steady).count();
         if steady == 0 || blocks.len() - steady < LEAST_BLOCKS {
-            return None;
+            let before = (window.start / length_s) as usize;
+            return Err(if before < LEAST_BLOCKS || count == 0 { Unjudged::Short } else { Unjudged::Gaps });
         }
         let times = |run_start_s: f64, shift_s: f64| -> Vec<f64> {
             blocks.iter().map(|block| run_start_s + block.middle_s - shift_s).collect()
         };
         let (one, other) = (&pair.measured.zeroed, &pair.modelled.zeroed);
-        let over_time = |shift_s: f64| {
-            let one = one.over_time(&times(one.run.start, 0.0), length_s)?;
-            Some((one, other.over_time(&times(other.run.start, shift_s), length_s)?))
-        };
+        let one = one.over_time(&times(one.run.start, 0.0), length_s);
+        let other = other.over_time(&times(other.run.start, aligned.shift_s), length_s);
         let is_same = pair.is_of_one_sensor();
         let shorter = BLOCK_S / length_s;
-        let covariances = over_time(aligned.shift_s)
-            .map(|(one, other)| [0, 1, 2].map(|k| OverTime::of_difference(&one[k], &other[k], is_same, shorter)));
-        Some(Self { blocks, length_s, covariances })
+        let covariance = |k: usize| {
+            let (one, other) = one[k].as_ref().zip(other[k].as_ref())?;
+            Some(OverTime::of_difference(one, other, is_same, shorter))
+        };
+        let covariances = [0, 1, 2].map(covariance);
+        Ok(Self { blocks, length_s, covariances })
     }
 
     /// Judges the transient of an angle (0 to 2: yaw, pitch, roll). `uncertainty`: uncertainty of its steady error.
     pub fn transient(&self, angle: usize, uncertainty: Uncertainty, model: Option<&ModelError>) -> Option<Transient> {
-        let covariance = &self.covariances.as_ref()?[angle];
+        let covariance = self.covariances[angle].as_ref()?;
         let count = self.blocks.len();
         let errors =
             DVector::from_fn(count, |i, _| self.blocks[i].modelled_deg[angle] - self.blocks[i].measured_deg[angle]);
@@ -137,12 +142,13 @@ impl Blocks {
 
     /// Returns the earliest and the latest time at which yaw and pitch may have settled; `None` if it is unknown.
     fn settled_between(&self, of: fn(&Block) -> [f64; 3]) -> Option<Range<f64>> {
-        let covariances = self.covariances.as_ref()?;
+        let [Some(yaw), Some(pitch), _] = &self.covariances else { return None };
+        let covariances = [yaw, pitch];
         let steady: Vec<usize> = (0..self.blocks.len()).filter(|i| self.blocks[*i].is_steady).collect();
         let mean = |value: &dyn Fn(usize) -> f64| steady.iter().map(|i| value(*i)).sum::<f64>() / steady.len() as f64;
         // Excess of the distance from the final value over the limit, and its uncertainty.
         let beyond = |i: usize, angle: usize| {
-            let covariance = &covariances[angle];
+            let covariance = covariances[angle];
             let last = mean(&|j| of(&self.blocks[j])[angle]);
             let variance =
                 covariance[(i, i)] - 2.0 * mean(&|j| covariance[(i, j)]) + mean(&|j| mean(&|k| covariance[(j, k)]));
@@ -163,7 +169,7 @@ impl Blocks {
     }
 }
 
-/// Returns the settling times of both attitudes. `blocks`: `None` for a run that is too short.
+/// Returns the settling times of both attitudes. `blocks`: `None` for a run without judged transients.
 pub(super) fn settling(pair: &Pair, aligned: &Aligned, blocks: Option<&Blocks>) -> Settling {
     let [measured_s, modelled_s] = [&pair.measured, &pair.modelled].map(|side| side.steady.settle_s);
     if aligned.lengths_s.is_some() {

@@ -64,7 +64,7 @@ fn agreement(comparison: &Comparison, agreeing: &[&AngleComparison]) -> Option<S
 
 fn transients(comparison: &Comparison, is_known: bool) -> Option<String> {
     if !comparison.judges_transients() {
-        return is_known.then(|| "the run is too short to judge the transients".to_owned());
+        return comparison.unjudged.filter(|_| is_known).map(|why| why.text().to_owned());
     }
     if comparison.transients_agree() {
         return (!comparison.differences.is_empty()).then(|| "the transients agree otherwise".to_owned());
@@ -110,7 +110,7 @@ fn cannot_refute(angles: &[&AngleComparison]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::comparison::{Settling, Transient, Uncertainty};
+    use super::super::comparison::{Settling, Transient, Uncertainty, Unjudged};
     use super::super::sides::Sides;
     use super::*;
 
@@ -176,9 +176,13 @@ mod tests {
             ),
             "{said}"
         );
-        let short = agreeing().map(|angle| AngleComparison { transient: None, ..angle });
-        let said = verdict(&of(short, Sides::Recordings));
-        assert!(said.starts_with("The steady states agree") && said.contains("too short to judge"), "{said}");
+        for (why, part) in
+            [(Unjudged::Short, "the run is too short to judge"), (Unjudged::Gaps, "gaps leave too little")]
+        {
+            let without = agreeing().map(|angle| AngleComparison { transient: None, ..angle });
+            let said = verdict(&Comparison { unjudged: Some(why), ..of(without, Sides::Recordings) });
+            assert!(said.starts_with("The steady states agree") && said.contains(part), "{said}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::comparison::{Chance, SessionAngle};
 use crate::text::{capitalised, count, listed};
-use crate::twin::Comparison;
+use crate::twin::{Comparison, Unjudged};
 
 const ANGLES: [&str; 3] = ["yaw", "pitch", "roll"];
 
@@ -11,16 +11,27 @@ pub(super) fn verdict(trials: &[Comparison], angles: &[SessionAngle], chance: Op
     let is_unknown = |trial: &&Comparison| trial.angles().iter().any(|angle| angle.uncertainty.is_none());
     let unknown = trials.iter().filter(is_unknown).count();
     let all = count(trials.len(), "trial");
-    if unknown == trials.len() {
-        return format!("The uncertainty is unknown in all of {all}");
+    let what = match unknown_angles(trials).as_slice() {
+        names if names.len() == ANGLES.len() => "the uncertainty".to_owned(),
+        names => format!("the uncertainty of {}", listed(names)),
+    };
+    // An angle that was measured may differ where another one was not.
+    if unknown == trials.len() && trials.iter().all(Comparison::agrees) {
+        return format!("{} is unknown in all of {all}", capitalised(&what));
     }
     let mut clauses = vec![differing(trials)];
     clauses.extend(together(angles));
     clauses.extend(chance.and_then(by_chance));
     if unknown > 0 {
-        clauses.push(format!("the uncertainty is unknown in {unknown} of {all}"));
+        clauses.push(format!("{what} is unknown in {unknown} of {all}"));
     }
     capitalised(&clauses.join("; "))
+}
+
+/// Returns the angles whose uncertainty is unknown in a trial.
+fn unknown_angles(trials: &[Comparison]) -> Vec<&'static str> {
+    let is_unknown = |k: &usize| trials.iter().any(|trial| trial.angles()[*k].uncertainty.is_none());
+    (0..ANGLES.len()).filter(is_unknown).map(|k| ANGLES[k]).collect()
 }
 
 /// Returns the subject of the sentence. The trials of a session only differ in kind if the user has added logs.
@@ -40,11 +51,16 @@ fn differing(trials: &[Comparison]) -> String {
         let known = trials.iter().filter(|trial| is_known(trial)).count();
         let number = if known == trials.len() { format!("all of {all}") } else { format!("{known} of {all}") };
         let smallest = smallest(trials);
-        let short = trials.iter().filter(|trial| is_known(trial) && !trial.judges_transients()).count();
+        let unjudged = |why: Unjudged| {
+            let of_it = |trial: &&Comparison| is_known(trial) && trial.unjudged == Some(why);
+            let found = trials.iter().filter(of_it).count();
+            (found > 0).then(|| format!("; {} in {found} of {all}", why.text()))
+        };
+        let unjudged: String = Unjudged::ALL.into_iter().filter_map(unjudged).collect();
         let steady = format!("the steady states agree in {number}{smallest}");
-        return match (transient, short) {
-            (0, 0) => format!("{} agree in {number}{smallest}", sides(trials)),
-            (0, _) => format!("{steady}; the run is too short to judge the transients in {short} of {all}"),
+        return match transient {
+            0 if unjudged.is_empty() => format!("{} agree in {number}{smallest}", sides(trials)),
+            0 => format!("{steady}{unjudged}"),
             _ => format!("{steady}; the transients differ in {transient} of {all}"),
         };
     }
@@ -140,13 +156,23 @@ mod tests {
             "Model and measurement agree in all of 2 trials within ±0.50° to ±1.50° of yaw, ±0.50° to ±1.50° of pitch and \
              ±0.50° to ±1.50° of roll, the smallest differences that they could show"
         );
-        assert_eq!(said(&[unknown.clone(), unknown.clone()]), "The uncertainty is unknown in all of 2 trials");
+        assert_eq!(said(&[unknown.clone(), unknown.clone()]), "The uncertainty of yaw is unknown in all of 2 trials");
+        let mut nothing = unknown.clone();
+        (nothing.pitch.uncertainty, nothing.roll.uncertainty) = (None, None);
+        assert_eq!(said(&[nothing.clone(), nothing]), "The uncertainty is unknown in all of 2 trials");
+        // What differs is said, even if nothing is known of another angle.
+        let mut apart = unknown.clone();
+        apart.differences = vec![Difference { angle: "pitch", error_deg: 2.0, ..Difference::default() }];
+        let apart = said(&[apart, unknown.clone()]);
+        assert!(apart.starts_with("1 of 2 trials differ by more than the measured ±, pitch in 1 trial"), "{apart}");
+        assert!(apart.ends_with("; the uncertainty of yaw is unknown in 2 of 2 trials"), "{apart}");
         let model = Comparison { sides: Sides::Models, ..trial(0.0) };
         assert_eq!(said(&[model.clone(), model.clone()]), "The two models agree in all of 2 trials");
         assert!(said(&[model, trial(0.0)]).starts_with("Both sides agree"));
-        assert!(said(&[known.clone(), unknown]).ends_with("; the uncertainty is unknown in 1 of 2 trials"));
+        assert!(said(&[known.clone(), unknown]).ends_with("; the uncertainty of yaw is unknown in 1 of 2 trials"));
         let mut short = trial(0.5);
         (short.yaw.transient, short.pitch.transient, short.roll.transient) = (None, None, None);
+        short.unjudged = Some(Unjudged::Short);
         let short = said(&[known, short]);
         assert!(short.starts_with("The steady states agree in all of 2 trials"), "{short}");
         assert!(short.ends_with("; the run is too short to judge the transients in 1 of 2 trials"), "{short}");
