@@ -110,7 +110,7 @@ impl Phases {
 
 /// Returns the standard error of the mean over starting phases from those of the phases; `None` where one is unknown.
 ///
-/// It is their mean, as for values whose errors are the same. What the solver misses has the same sign in all phases, and most
+/// It is their mean, as for values whose errors are the same. What the solver misses has mostly one sign in all phases, and most
 /// standard errors are those of the solver ([`crate::trial::means`]): more phases do not average it away.
 pub fn error_of_mean(errors: impl ExactSizeIterator<Item = Option<f64>>) -> Option<f64> {
     let count = errors.len() as f64;
