@@ -74,6 +74,24 @@ fn a_bundle_with_friction_holds() {
     );
 }
 
+/// Soft flagella of which one pushes itself together: its turns press on each other, while the flagella stay 1 cm apart.
+#[test]
+fn a_flagellum_that_touches_itself_does_not_touch_the_other() {
+    let mut robot = Robot::default();
+    robot.flagellum.young_pa = 2.5e5;
+    let profile = SpeedProfile::constant([-70.7, 70.1], 20.0).expect("a profile");
+    let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+    let samples = trial.by_ref().collect::<Result<Vec<_>, _>>().expect("a run");
+    let summary = trial.summary();
+    println!("largest force {:.1} mN, gap {:.1} mm", summary.largest_contact_n * 1e3, summary.min_gap_m * 1e3);
+    assert!(summary.largest_contact_n > 1e-4 && summary.min_gap_m > 5e-3, "{summary:?}");
+    assert_eq!((summary.contact_share, summary.first_contact_s, summary.bundling), (0.0, None, Bundling::Apart));
+    assert!(samples.iter().all(|sample| sample.bundling == Bundling::Apart));
+    // What it is known to is what contact leaves of it.
+    let errors = summary.steady.attitude.map(|level| level.standard_error);
+    assert!(errors.iter().all(|error| error.is_none_or(|error| error >= 0.075f64.to_radians())), "{errors:?}");
+}
+
 #[test]
 fn two_way_contact_in_the_hard_quadrant() {
     // Both flagella pull inwards: they cross and are forced past each other.

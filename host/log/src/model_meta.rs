@@ -159,7 +159,7 @@ pub struct SteadyMeta {
     pub bundling: Bundling,
     /// Changes of the bundling state, in order of time.
     pub bundling_changes: Vec<BundlingChange>,
-    /// Fraction of the run with contact.
+    /// Fraction of the run in which the flagella touch each other.
     pub contact_share: f64,
     /// Number of sweeps of the solver for the log.
     pub newton_iterations: u64,

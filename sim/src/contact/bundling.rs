@@ -9,10 +9,11 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Bundling {
-    /// No contact.
+    /// No contact with each other.
     #[default]
     Apart,
-    /// Contact, with the helix axes side by side or crossing once.
+    /// Contact of one with the other, with the helix axes side by side or crossing once. A flagellum that touches itself alone
+    /// is apart.
     Touching,
     /// Contact, with the helix axes wound round each other.
     Bundled,

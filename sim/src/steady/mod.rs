@@ -167,7 +167,8 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             let simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
             set_errors(&mut summary.steady, &before, distance);
-            summary.steady.raise_errors(summary.contact_share > 0.0);
+            // Also of a flagellum with itself.
+            summary.steady.raise_errors(summary.largest_contact_n > 0.0);
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.

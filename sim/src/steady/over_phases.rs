@@ -92,7 +92,7 @@ impl Phases {
         self.values(quantity).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
     }
 
-    /// Returns the standard errors of the means over the phases, which are independent; `None` where one is unknown.
+    /// Returns the standard errors of the means over the phases; `None` where one is unknown.
     pub fn standard_errors(&self) -> [Option<f64>; STANDARD_ERRORS.len()] {
         let of = |(.., error): StandardError| error_of_mean(self.0.iter().map(|state| error(&state.summary)));
         STANDARD_ERRORS.map(of)
@@ -108,9 +108,26 @@ impl Phases {
     }
 }
 
-/// Returns the standard error of the mean of independent values from their standard errors; `None` where one is unknown.
+/// Returns the standard error of the mean over starting phases from those of the phases; `None` where one is unknown.
+///
+/// It is their mean, as for values whose errors are the same. What the solver misses has mostly one sign in all phases, and most
+/// standard errors are those of the solver ([`crate::trial::means`]): more phases do not average it away.
 pub fn error_of_mean(errors: impl ExactSizeIterator<Item = Option<f64>>) -> Option<f64> {
     let count = errors.len() as f64;
-    let squares: Option<f64> = errors.map(|error| error.map(|error| error * error)).sum();
-    squares.map(|squares| squares.sqrt() / count)
+    let sum: Option<f64> = errors.sum();
+    sum.map(|sum| sum / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_solver_misses_stays_in_a_mean_over_phases() {
+        let least = 0.075;
+        let of = |errors: &[Option<f64>]| error_of_mean(errors.iter().copied());
+        assert_eq!(of(&[Some(least); 4]), Some(least));
+        assert_eq!(of(&[Some(1.0), Some(3.0)]), Some(2.0));
+        assert_eq!(of(&[Some(least), None]), None);
+    }
 }

@@ -108,7 +108,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         paths.push(path);
         let mut state = trial.state().clone();
         let summary = trial.window_summary();
-        let mut next_is_coarse = may_be_coarse && summary.contact_share > 0.0;
+        let mut next_is_coarse = may_be_coarse && summary.largest_contact_n > 0.0;
         let before = last.replace(summary.steady);
         if simulated_s >= DECAY_S.max(1.5 * period) {
             let [newton, step] = steps(&paths, modes.newton(intervals));

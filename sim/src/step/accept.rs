@@ -77,11 +77,13 @@ pub fn finish(
     };
     // The weight acts at the base's own attitude, also if the flagella are computed on a base held still.
     let down = next.attitude.inverse_transform_vector(&-V3::z());
+    let pressing = || contacts.pairs.iter().filter(|p| p.force > 0.0);
     let report = StepReport {
         sweeps: converged.sweeps,
         residual: converged.residual,
         error: 0.0,
-        touching: contacts.pairs.iter().filter(|p| p.force > 0.0).count() as u32,
+        touching: pressing().count() as u32,
+        between: pressing().filter(|p| p.rods[0] != p.rods[1]).count() as u32,
         largest_force: contacts.pairs.iter().fold(0.0, |a, p| a.max(p.force)),
         fluid,
         head: surroundings.load(),

@@ -79,11 +79,11 @@ pub struct Summary {
     pub min_gap_m: f64,
     /// Largest overlap, m.
     pub max_penetration_m: f64,
-    /// Largest force in one contact, N.
+    /// Largest force in one contact, also of a flagellum with itself, N.
     pub largest_contact_n: f64,
-    /// Share of the run phase with contact.
+    /// Share of the run phase in which the flagella touch each other.
     pub contact_share: f64,
-    /// Time of the first contact, s.
+    /// Time at which they first do, s.
     pub first_contact_s: Option<f64>,
     /// The closest state that the flagella reached.
     pub bundling: Bundling,
@@ -196,8 +196,8 @@ impl Trial {
         let spent = self.progress.summary;
         let mut trial = Self::from(self.solver, profile, self.options, DenseOutput::default(), (state, control));
         trial = trial.with_spent(&spent);
-        if let Some(StepRecord { forces, contact, .. }) = last {
-            trial.keep(forces, contact);
+        if let Some(StepRecord { forces, contact, touching, .. }) = last {
+            trial.keep(forces, contact, touching);
         }
         trial
     }
@@ -404,7 +404,7 @@ impl Trial {
         self.record(&report);
         let run = time >= start && time < stop;
         let state = &self.progress.state;
-        if run && report.touching > 0 {
+        if run && report.between > 0 {
             self.progress.contact_time += state.time - time;
         }
         if self.profile.next_jump(time) == Some(state.time) {
@@ -437,20 +437,21 @@ impl Trial {
         totals.steps += u64::from(report.sweeps > 0);
         totals.sweeps += u64::from(report.sweeps);
         totals.error = totals.error.max(report.error);
-        if report.touching > 0 && totals.first_contact.is_none() {
+        if report.between > 0 && totals.first_contact.is_none() {
             totals.first_contact = Some(progress.state.time);
         }
         // Only flagella in contact can be bundled; once they were, no further check is needed.
-        if report.touching > 0 && totals.bundling != Bundling::Bundled {
+        if report.between > 0 && totals.bundling != Bundling::Bundled {
             let state = &self.progress.state;
             let lines = shapes_at(state, state.time, &state.motors, &self.solver.model().robot.shaft_feet());
             self.progress.summary.bundling = Bundling::classify(true, self.winding(&lines));
         }
-        self.keep(forces, report.touching > 0);
+        self.keep(forces, report.touching > 0, report.between > 0);
     }
 
-    /// Keeps the state and these forces for samples and for the steady state.
-    fn keep(&mut self, forces: [ForceRecord; 2], contact: bool) {
+    /// Keeps the state and these forces for samples and for the steady state. `contact`: whether any pair presses; `touching`:
+    /// whether one of both flagella does.
+    fn keep(&mut self, forces: [ForceRecord; 2], contact: bool, touching: bool) {
         let [start, stop] = self.profile.run();
         let progress = &mut self.progress;
         let state = &progress.state;
@@ -462,6 +463,7 @@ impl Trial {
             motors: state.motors,
             forces,
             contact,
+            touching,
         });
         if state.time >= start && state.time <= stop {
             let [_, pitch, roll] = euler_zyx(&state.body.attitude);

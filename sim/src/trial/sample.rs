@@ -81,8 +81,11 @@ pub struct StepRecord {
     pub motors: [MotorState; 2],
     /// Forces of both flagella.
     pub forces: [ForceRecord; 2],
-    /// Whether any pair of edges was in contact.
+    /// Whether any pair of edges was in contact, of both flagella or of one with itself.
     pub contact: bool,
+    /// Whether the flagella touched each other.
+    #[serde(default)]
+    pub touching: bool,
 }
 
 /// The last steps, newest first, and values between them.
@@ -105,8 +108,8 @@ pub struct Interpolated {
     pub rate: V3,
     /// Forces.
     pub forces: [ForceRecord; 2],
-    /// Whether any pair pressed at the step's end.
-    pub contact: bool,
+    /// Whether the flagella touched each other at the step's end.
+    pub touching: bool,
 }
 
 impl DenseOutput {
@@ -176,7 +179,7 @@ impl DenseOutput {
             sum
         });
         let euler = [unwrap(yaw, newest.yaw), pitch, roll];
-        Some(Interpolated { attitude, euler, rate, forces, contact: newest.contact })
+        Some(Interpolated { attitude, euler, rate, forces, touching: newest.touching })
     }
 }
 

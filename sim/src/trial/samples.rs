@@ -36,7 +36,7 @@ impl Trial {
         let motors = self.profile.motors(time);
         let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.model().robot.shaft_feet());
         let winding_turns = self.winding(&lines);
-        let bundling = Bundling::classify(between.contact, winding_turns);
+        let bundling = Bundling::classify(between.touching, winding_turns);
         let motor_angle_rad = self.without_phase(motors).map(|m| m.angle);
         let progress = &mut self.progress;
         let plain = |v: V3| [v.x, v.y, v.z];

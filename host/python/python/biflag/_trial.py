@@ -61,7 +61,7 @@ class Steady:
     bundling: str
     """The closest state of the flagella: apart, touching or bundled."""
     contact_share: float
-    """Share of the run with contact."""
+    """Share of the run in which the flagella touch each other."""
     newton_iterations: int
     simulated_s: float
     kind: str | None = None

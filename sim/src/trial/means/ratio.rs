@@ -8,23 +8,35 @@ use std::f64::consts::TAU;
 /// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
 const SIMPLE: i32 = 5;
 
+/// The same where the flagella touch: over four phases the pitch of the robot `physical` spreads over 0.33 degrees at (84, 63) rpm.
+const SIMPLE_TOUCHING: i32 = 8;
+
 /// Part of a turn that is rounding: the phase of an exact ratio does not slip.
 const ROUNDING: f64 = 1e-6;
 
 /// Returns the turns of flagellum 1 and 2 in all simple ratios, without a common divisor; the first is not negative.
 pub fn ratios() -> impl Iterator<Item = [i32; 2]> {
-    (0..=SIMPLE)
-        .flat_map(|p| (p - SIMPLE..=SIMPLE - p).map(move |q| [p, q]))
+    ratios_up_to(SIMPLE)
+}
+
+/// Returns those with at most this p + q.
+fn ratios_up_to(most: i32) -> impl Iterator<Item = [i32; 2]> {
+    (0..=most)
+        .flat_map(move |p| (p - most..=most - p).map(move |q| [p, q]))
         .filter(|[p, q]| gcd(p.unsigned_abs(), q.unsigned_abs()) == 1 && [*p, *q] != [0, -1])
+}
+
+/// Returns by how many turns the phases of all simple ratios slip over a stretch (s) at these speeds (rad/s). `touches`: whether
+/// the flagella touch.
+pub fn slipped(speeds: [f64; 2], stretch_s: f64, touches: bool) -> impl Iterator<Item = f64> {
+    let turns = move |[p, q]: [i32; 2]| (f64::from(q) * speeds[0] - f64::from(p) * speeds[1]).abs() * stretch_s / TAU;
+    ratios_up_to(if touches { SIMPLE_TOUCHING } else { SIMPLE }).map(turns)
 }
 
 /// Returns whether speeds (rad/s) have a simple ratio but for a difference by which the phase slips so little over a stretch (s)
 /// that the means over it are those of the phases that have passed, with nothing in them that shows the others.
-pub fn slips(speeds: [f64; 2], stretch_s: f64) -> bool {
-    ratios().any(|[p, q]| {
-        let turns = (f64::from(q) * speeds[0] - f64::from(p) * speeds[1]).abs() * stretch_s / TAU;
-        (ROUNDING..SLOWEST_BEAT).contains(&turns)
-    })
+pub fn slips(speeds: [f64; 2], stretch_s: f64, touches: bool) -> bool {
+    slipped(speeds, stretch_s, touches).any(|turns| (ROUNDING..SLOWEST_BEAT).contains(&turns))
 }
 
 /// Returns the greatest common divisor.
@@ -39,13 +51,21 @@ mod tests {
 
     #[test]
     fn a_phase_slips_where_a_ratio_is_nearly_simple() {
-        let slips = |rpm: [f64; 2]| slips(rpm.map(|rpm| rpm * PI / 30.0), 60.0);
+        let slips_if = |touches: bool, rpm: [f64; 2]| slips(rpm.map(|rpm| rpm * PI / 30.0), 60.0, touches);
+        let slips = |rpm: [f64; 2]| slips_if(false, rpm);
         for rpm in [[45.5, -45.53], [60.0, 60.03], [30.01, 60.0], [50.0, 0.01]] {
             assert!(slips(rpm), "{rpm:?}");
         }
         // Exact ratios, and beats of which the stretch shows enough.
         for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
             assert!(!slips(rpm), "{rpm:?}");
+        }
+        // 4:3 and 7:1 matter where the flagella touch alone.
+        for rpm in [[84.0, 63.01], [71.3, 10.19]] {
+            assert!(slips_if(true, rpm) && !slips(rpm), "{rpm:?}");
+        }
+        for rpm in [[84.0, 63.0], [84.0, 63.1], [84.0, 9.34]] {
+            assert!(!slips_if(true, rpm), "{rpm:?}");
         }
     }
 }

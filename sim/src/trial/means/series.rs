@@ -20,9 +20,10 @@
 //!   it went on.
 //! - A slow beat, of which the stretch holds a part alone, looks like an approach: the mean is off by what is not seen of it.
 //!   A fit with the beat as a term gives the constant of the whole beat; its difference from the mean, and its own standard
-//!   error, are two more parts. It is not the mean itself, since it extrapolates.
+//!   error, are two more parts. It is not the mean itself, since it extrapolates. Where the flagella touch, beats of larger m and
+//!   n count, too ([`ratio::slipped`]).
 
-use super::CHANNELS;
+use super::{CHANNELS, ratio};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -84,7 +85,8 @@ pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANN
         let problem = Problem::new(cells, cell, terms, first.time, length);
         problem.mean_of(&problem.choices(data))
     };
-    let [resolved, with_beat] = [RESOLVED, SLOWEST_BEAT].map(|slowest| terms(speeds, cell, length, slowest));
+    let touches = cells.iter().any(|cell| cell.touched);
+    let [resolved, with_beat] = [RESOLVED, SLOWEST_BEAT].map(|slowest| terms(speeds, cell, length, slowest, touches));
     let means = of(&resolved);
     if with_beat == resolved {
         return Some(means);
@@ -298,10 +300,15 @@ impl Problem {
 }
 
 /// Returns the terms. `cell` and `length`: of a cell and of the stretch, s; `slowest`: least frequency of a term, in turns over
-/// the stretch.
-fn terms(speeds: [f64; 2], cell: f64, length: f64, slowest: f64) -> Terms {
+/// the stretch; `touches`: whether the flagella touch.
+fn terms(speeds: [f64; 2], cell: f64, length: f64, slowest: f64, touches: bool) -> Terms {
     let (apart, slowest) = (RESOLVED * TAU / length, slowest * TAU / length);
     let mut found: Vec<f64> = Vec::new();
+    if touches {
+        // Slow beats of simple ratios that have larger m or n.
+        let beats = ratio::slipped(speeds, length, touches).map(|turns| turns * TAU / length);
+        found.extend(beats.filter(|beat| (slowest..apart).contains(beat)).take(1));
+    }
     let mut orders = vec![1];
     for order in 1..=ORDER {
         for m in 0..=order {
@@ -402,6 +409,23 @@ mod tests {
             let fitted = means(&cells, CELL, speeds).expect("a mean")[0];
             assert!((fitted.mean - 0.7).abs() < 2.0 * fitted.standard_error, "{phase}: {fitted:?}");
         }
+    }
+
+    /// Beats of 7:1, of which the stretch has a third, count where the flagella touch: no term of the series is one.
+    #[test]
+    fn the_standard_error_has_the_unseen_part_of_a_beat_of_higher_order() {
+        let speeds = [70.3, 10.0].map(|rpm| rpm * PI / 30.0);
+        let within = |touched: bool, phase: f64| {
+            let slow = |t: f64| 0.01 * ((speeds[0] - 7.0 * speeds[1]) * t + phase).cos();
+            let mut cells = cells(60.0, |t| 0.7 + slow(t) + 0.1 * (speeds[0] * t).cos());
+            cells.iter_mut().for_each(|cell| cell.touched = touched);
+            let fitted = means(&cells, CELL, speeds).expect("a mean")[0];
+            println!("{phase}, {touched}: {fitted:?}");
+            (fitted.mean - 0.7).abs() < 2.0 * fitted.standard_error
+        };
+        let phases = [0.0, 0.8, 1.6, 2.4, 3.2];
+        assert!(phases.iter().all(|phase| within(true, *phase)));
+        assert!(!phases.iter().all(|phase| within(false, *phase)), "the term is not needed");
     }
 
     /// Noise that stays similar for 0.5 s, over runs of 40 s.
