@@ -65,6 +65,10 @@ const REVERSED: f64 = 0.5;
 /// A motor whose target is slower than this, rad/s, stands still: 1 rpm. Its measured speeds are scatter.
 const STANDING: f64 = PI / 30.0;
 
+/// A run that begins or ends this close to an end of its profile begins or ends there, s: times computed in different ways
+/// differ by rounding, and the solver cannot take a step between them.
+const ROUNDING_S: f64 = 1e-9;
+
 /// Durations of the phases of a trial, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -158,6 +162,8 @@ impl SpeedProfile {
     /// # Errors
     /// A run phase that is not within the profile.
     pub fn with_run(mut self, start: f64, end: f64) -> Result<Self, ProfileError> {
+        let start = if (start - self.start()).abs() < ROUNDING_S { self.start() } else { start };
+        let end = if (end - self.end()).abs() < ROUNDING_S { self.end() } else { end };
         if start >= self.start() && end <= self.end() && start < end {
             self.run = [start, end];
             Ok(self)
@@ -338,6 +344,18 @@ impl SpeedProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 399 * 0.1 s is 7e-15 s after 39.9 s.
+    #[test]
+    fn a_run_that_ends_a_rounding_error_beside_its_profile_ends_with_it() {
+        let end = 0.1 * 399.0;
+        assert_ne!(end, 39.9);
+        for (of_run, of_profile) in [(39.9, end), (end, 39.9)] {
+            let profile = SpeedProfile::from_points(&[(0.0, [50.0, 10.0]), (of_profile, [50.0, 10.0])]).unwrap();
+            let run = profile.with_run(1e-14, of_run).unwrap().run();
+            assert_eq!(run, [0.0, of_profile]);
+        }
+    }
 
     #[test]
     fn a_reversal_is_found_and_scatter_is_none() {
