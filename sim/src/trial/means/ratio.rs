@@ -1,6 +1,5 @@
 //! Simple ratios of the motors' speeds, and phases that slip because a ratio is only nearly simple.
 
-use super::series::SLOWEST_BEAT;
 use std::f64::consts::TAU;
 
 /// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
@@ -10,6 +9,9 @@ const SIMPLE: i32 = 5;
 
 /// The same where the flagella touch: over four phases the pitch of the robot `physical` spreads over 0.33 degrees at (84, 63) rpm.
 const SIMPLE_TOUCHING: i32 = 8;
+
+/// A beat of fewer turns over a stretch cannot be seen in it: the motion is that of one starting phase.
+pub const SLOWEST_BEAT: f64 = 0.08;
 
 /// Part of a turn that is rounding: the phase of an exact ratio does not slip.
 const ROUNDING: f64 = 1e-6;

@@ -23,7 +23,8 @@
 //!   error, are two more parts. It is not the mean itself, since it extrapolates. Where the flagella touch, beats of larger m and
 //!   n count, too ([`ratio::slipped`]).
 
-use super::{CHANNELS, ratio};
+use super::CHANNELS;
+use super::ratio::{self, SLOWEST_BEAT};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -32,8 +33,6 @@ use std::f64::consts::{PI, TAU};
 const ORDER: i32 = 3;
 /// Lines of the spectrum nearer than this, in turns over the stretch, are one.
 const RESOLVED: f64 = 0.8;
-/// A beat of fewer turns over the stretch is none: the motion is that of one starting phase.
-pub const SLOWEST_BEAT: f64 = 0.08;
 /// Data per fitted term, at least.
 const DATA_PER_TERM: f64 = 1.0;
 /// Time constants of an approach over the stretch, ...
