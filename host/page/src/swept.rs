@@ -13,6 +13,13 @@ use study::sweep;
 /// The first column of results; all numbers before it may be inputs.
 const FIRST_RESULT: &str = "yaw_deg";
 
+/// Largest difference of an angle between starting phases that a map does not mark, degrees: twice the ± of solutions with
+/// contact.
+pub(crate) const MOST_SPREAD_DEG: f64 = 0.3;
+
+/// The least values of each input of a map with contours: between fewer, these would show the grid.
+pub(crate) const CONTOUR_NODES: usize = 8;
+
 /// A column of numbers; NaN where there is none.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Column {

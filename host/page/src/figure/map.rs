@@ -5,13 +5,11 @@
 
 use super::panel::{Axis, Panel, tick_text};
 use super::sheet::{Anchor, FONT_PT, INK, MM, Sheet, Stroke, short};
+use crate::swept::CONTOUR_NODES;
 use crate::viridis::colour;
 
 /// The most cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 80;
-
-/// The least nodes along each axis of a grid with contours.
-pub(super) const CONTOUR_NODES: usize = 8;
 
 /// A value at a point of both axes.
 #[derive(Clone, Copy, PartialEq, Debug)]

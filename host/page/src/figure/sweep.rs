@@ -4,14 +4,10 @@ use super::lines::{Curve, MOST, Point, draw};
 use super::output::{self, Format};
 use super::provenance::Provenance;
 use super::{FigureError, Remarks};
-use crate::swept::{self, Swept};
+use crate::swept::{self, MOST_SPREAD_DEG, Swept};
 use std::path::{Path, PathBuf};
 use study::attitude::student_95;
 use study::trial::AtSpeeds;
-
-/// Largest difference of an angle between starting phases that a map does not mark, degrees: twice the ± of solutions with
-/// contact.
-const MOST_SPREAD_DEG: f64 = 0.3;
 
 /// Which result of a sweep is drawn over which inputs.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@ use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
 use super::{Counts, Written, document, put, sweep_plan};
-use crate::swept::{Column, MOTIONS, Swept};
+use crate::swept::{CONTOUR_NODES, Column, MOST_SPREAD_DEG, MOTIONS, Swept};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -31,7 +31,9 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     };
     let states: Vec<i64> = swept.states.iter().step_by(every).copied().collect();
     let kinds = MOTIONS.map(|motion| motion.name().replace('_', " "));
-    let data = json!({ "inputs": page(inputs), "results": page(results), "states": states, "kinds": kinds });
+    let limits = json!({ "contour_nodes": CONTOUR_NODES, "most_spread_deg": MOST_SPREAD_DEG });
+    let data =
+        json!({ "inputs": page(inputs), "results": page(results), "states": states, "kinds": kinds, "limits": limits });
     let data = html! { script type="application/json" id="sweep-data" { (PreEscaped(json_for_script(&data))) } };
     put(
         out,

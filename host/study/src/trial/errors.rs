@@ -150,8 +150,8 @@ impl Errors {
         [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
     }
 
-    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` for the yaw without a
-    /// still phase or a known bias, and for the others without a zero of the tilt.
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` for the
+    /// yaw without a still phase or a known bias, and for the others without a zero of the tilt.
     pub fn over_time(&self, angles: &Columns<3>, times: &[f64], block_s: f64) -> [Option<OverTime>; 3] {
         let drift = self.drift.as_ref().and_then(|drift| drift.covariance(times));
         let zero = self.tilt_zero.as_ref();

@@ -10,8 +10,6 @@ biflag.SweepMap = class {
   static CURVES = ["0072b2", "d55e00", "009e73", "cc79a7", "8a6d00", "5a6570"];
   /** The largest number of curves in a drawing. */
   static MOST_CURVES = 12;
-  /** Fewer values of an input make no contours: between neighbours so far apart, these would show the grid. */
-  static CONTOUR_NODES = 8;
 
   constructor(element) {
     this.element = element;
@@ -169,7 +167,7 @@ biflag.SweepMap = class {
       `${rows.length} of ${this.swept.states.length} points${isDots ? ", a dot each" : ""}; ${missing} of the table without a value.`,
       isMean && `Where several points lie at one place, it shows their mean: ${rows.length} points at ${points.length} places.`,
       kinds.some(Boolean) && `Not steady${isLines ? ", with an empty mark" : ""}: ${kinds.filter(Boolean).join(", ")}.`,
-      phased && `More than ${biflag.Swept.MOST_SPREAD_DEG}° apart for other starting phases, with a ring: ${phased}.`,
+      phased && `More than ${this.swept.mostSpreadDeg}° apart for other starting phases, with a ring: ${phased}.`,
       isLines && this.every > 1 && `A curve for one of every ${this.every} values of ${and}.`,
       !isLines && "The colours span the whole table.",
       this.contoured && `Contours every ${text(this.contoured)}, that of zero thicker; straight between neighbours.`,
@@ -233,9 +231,9 @@ biflag.SweepMap = class {
 
   /** Contours at round values over the nodes of a grid, straight between neighbours; the one of zero is thicker. */
   contours(x, y, points, across, up, { width, left, right }) {
-    const { text, range, round, CONTOUR_NODES } = biflag.SweepMap;
+    const { text, range, round } = biflag.SweepMap;
     const [columns, lines] = [x.steps.length, y.steps.length];
-    if (Math.min(columns, lines) < CONTOUR_NODES) return "";
+    if (Math.min(columns, lines) < this.swept.contourNodes) return "";
     const at = new Map(points.map(({ a, b, v }) => [`${a},${b}`, v]));
     const node = (i, k) => at.get(`${x.steps[i].from},${y.steps[k].from}`);
     const [low, high] = range(points.map(({ v }) => v));

@@ -10,10 +10,8 @@ biflag.Swept = class {
   static SAMPLE = 2000;
   /** The smallest number of places that make a map of cells worth opening on. */
   static LEAST_CELLS = 9;
-  /** Angles that differ more between starting phases are marked, degrees. */
-  static MOST_SPREAD_DEG = 0.3;
 
-  constructor({ inputs, results, states, kinds }) {
+  constructor({ inputs, results, states, kinds, limits }) {
     // Numbers of 32 bits have seven digits.
     const value = (v) => (Number.isNaN(v) ? null : Number(v.toPrecision(7)));
     const column = (packed) => ({ ...packed, values: biflag.numbers(packed.values).map(value) });
@@ -21,6 +19,8 @@ biflag.Swept = class {
     this.results = results.map(column);
     /** The index in `kinds` of the motion of each point, -1 where the table has none; of the last kind not even the means are known. */
     [this.states, this.kinds] = [states, kinds];
+    /** The largest difference of angles between starting phases without a mark, and the least values of inputs for contours. */
+    [this.mostSpreadDeg, this.contourNodes] = [limits.most_spread_deg, limits.contour_nodes];
     this.spreads = this.results.filter(({ name }) => ["yaw_spread_deg", "tilt_spread_deg"].includes(name));
     this.rows = [...states.keys()];
     const every = Math.ceil(states.length / biflag.Swept.SAMPLE);
@@ -34,7 +34,7 @@ biflag.Swept = class {
 
   /** Whether the angles of a row depend on the starting phase of the flagella. */
   isPhased(row) {
-    return this.spreads.some(({ values }) => values[row] > biflag.Swept.MOST_SPREAD_DEG);
+    return this.spreads.some(({ values }) => values[row] > this.mostSpreadDeg);
   }
 
   static distinct(values) {
