@@ -1,17 +1,26 @@
 //! The firmware image inside this program.
 
-use crate::run::rig::{Image, ImageError, commit_of_image, in_repository};
+use crate::run::rig::{Image, ImageError, commit_of_image, repository};
+use std::io::Write;
 
 /// The image; empty if the program was built without one.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/firmware.elf"));
 
-/// Returns the image that belongs to this program: built from source if the program is in its repository, otherwise the
-/// one inside the program.
+/// Returns the image that belongs to this program: that of its repository, which is built first if a source is newer, or the
+/// one inside the program if it is elsewhere.
 ///
 /// # Errors
 /// As [`Image::build`] and [`Image::extract`].
 pub fn of_program() -> Result<Image, ImageError> {
-    if embedded_commit().is_some() && !in_repository() { Image::extract(EMBEDDED) } else { Image::build() }
+    let Some(root) = repository() else {
+        return if EMBEDDED.is_empty() { Err(ImageError::NoSource) } else { Image::extract(EMBEDDED) };
+    };
+    if let Some(image) = Image::built(&root) {
+        return Ok(image);
+    }
+    // It takes a minute at first.
+    let _ = writeln!(std::io::stderr(), "building the firmware: its source is newer than its image");
+    Image::build(&root)
 }
 
 /// Returns the commit of the image inside the program.

@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use tests::{Bench, Run, program};
+use tests::{Bench, Run, program, repository};
 
 /// Copies a program into a folder.
 fn copy(name: &str, folder: &Path) {
@@ -33,6 +33,16 @@ fn run(bench: &Bench, arguments: &[&str]) -> Run {
     command.env("PATH", format!("{}:{}", bench.path().join("other").display(), tools.display()));
     command.env("XDG_CONFIG_HOME", bench.path().join("config"));
     Run::of(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+}
+
+/// A copy that knew the folder would use what lies there by then.
+#[test]
+fn no_program_knows_the_folder_that_it_was_built_in() {
+    let folder = repository().as_os_str().as_encoded_bytes();
+    for name in ["biflag", "vnano"] {
+        let content = fs::read(program(name)).unwrap();
+        assert!(!content.windows(folder.len()).any(|bytes| bytes == folder), "{name} contains {folder:?}");
+    }
 }
 
 #[test]

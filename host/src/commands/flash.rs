@@ -11,7 +11,8 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Write the firmware through the board's bootloader and check that it runs. In the repository, this builds it first.
+/// Write the firmware through the board's bootloader and check that it runs. In the repository, it is built first if its
+/// source has changed.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
@@ -41,12 +42,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     // A wrong or busy port fails here, not after a build of minutes.
     link::probe_port(&port)?;
     let claim = Claim::take(&port)?;
-    let progress = spinner();
-    progress.set_message("preparing the firmware");
     let image = match &args.firmware {
         Some(elf) => Image::read(elf)?,
         None => image::of_program()?,
     };
+    let progress = spinner();
     progress.set_message(format!("writing {}", image.commit));
     let baud = rig::flash(&port, &image.elf, |baud| {
         progress.set_message(format!("writing {} at {baud} bit/s", image.commit));

@@ -4,6 +4,7 @@ use miette::Diagnostic;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::SystemTime;
 use study::text::hex;
 use tempfile::TempPath;
 use thiserror::Error;
@@ -11,6 +12,12 @@ use thiserror::Error;
 /// Marker in the image, followed by the first eight digits of the commit, a `+` or a space for a working tree with or
 /// without changes, and the version of the protocol.
 const MARKER: &[u8] = b"biflag-firmware:";
+
+/// What builds the image, in the repository.
+const SCRIPT: &str = "firmware/build.sh";
+
+/// What the image is built from, in the repository.
+const SOURCES: [&str; 4] = ["firmware", "protocol", "Cargo.toml", "Cargo.lock"];
 
 /// A firmware image.
 #[derive(Debug)]
@@ -39,10 +46,10 @@ pub enum ImageError {
     #[error("{0}: is not a firmware image of the robot")]
     #[diagnostic(code(wrong_use), help("leave out --firmware to build the right one"))]
     NotOurs(PathBuf),
-    /// The program has no image, and the firmware's source is missing.
-    #[error("this biflag was built without a firmware image, and the firmware's source is not in {0}")]
+    /// The program has no image, and is not in the repository, where it could build one.
+    #[error("this biflag was built without a firmware image, and is not in the folder of its source")]
     #[diagnostic(help("build biflag with `make build`, or name an image with --firmware"))]
-    NoSource(PathBuf),
+    NoSource,
     /// The image inside the program could not be written to a file.
     #[error("the firmware image cannot be written to a temporary file")]
     #[diagnostic(help("make room in the folder for temporary files, or set TMPDIR to another one"))]
@@ -79,18 +86,21 @@ impl Image {
         Ok(Self { _temporary: Some(path), ..image })
     }
 
-    /// Builds the image from source. This is quick if nothing changed.
+    /// Reads the image that `firmware/build.sh` left in a repository; `None` if there is none, or if a source is newer.
+    pub fn built(repository: &Path) -> Option<Self> {
+        let elf = repository.join("target/firmware.elf");
+        let built = elf.metadata().and_then(|file| file.modified()).ok()?;
+        let is_newest = SOURCES.iter().all(|name| last_change(&repository.join(name)).is_ok_and(|time| time <= built));
+        is_newest.then(|| Self::read(&elf).ok()).flatten()
+    }
+
+    /// Builds the image from the source in a repository.
     ///
     /// # Errors
-    /// [`ImageError::NoSource`], [`ImageError::BuildFailed`] with the output of the build, or as [`Image::read`].
-    pub fn build() -> Result<Self, ImageError> {
-        let folder = source_folder();
-        let script = folder.join("build.sh");
-        if !script.is_file() {
-            return Err(ImageError::NoSource(folder));
-        }
+    /// [`ImageError::BuildFailed`] with the output of the build, or as [`Image::read`].
+    pub fn build(repository: &Path) -> Result<Self, ImageError> {
         let output = Command::new("sh")
-            .arg(&script)
+            .arg(repository.join(SCRIPT))
             .stdin(Stdio::null())
             .output()
             .map_err(|error| ImageError::BuildFailed(error.to_string()))?;
@@ -102,28 +112,26 @@ impl Image {
     }
 }
 
-/// Returns the repository that this program was built in.
-fn repository() -> &'static Path {
-    let this_crate = Path::new(env!("CARGO_MANIFEST_DIR"));
-    this_crate.ancestors().nth(2).unwrap_or(this_crate)
+/// Returns when a file, or the newest file in a folder, was changed.
+fn last_change(path: &Path) -> io::Result<SystemTime> {
+    let itself = path.metadata()?;
+    if itself.is_file() {
+        return itself.modified();
+    }
+    let entries = path.read_dir()?.map(|entry| last_change(&entry?.path()));
+    entries.reduce(|newest, time| Ok(newest?.max(time?))).unwrap_or_else(|| itself.modified())
+}
+
+/// Returns the repository that this program is in: the nearest folder above it with the firmware's script and this crate.
+pub fn repository() -> Option<PathBuf> {
+    let program = std::env::current_exe().ok()?;
+    let is_root = |folder: &&Path| [SCRIPT, "host/rig/Cargo.toml"].iter().all(|name| folder.join(name).is_file());
+    program.ancestors().find(is_root).map(Path::to_owned)
 }
 
 /// Formats a commit: `c0ffee12`, or `c0ffee12+` if the working tree had changes. Zeros mean an unknown commit.
 pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
     hex(&git_hash) + if git_dirty { "+" } else { "" }
-}
-
-/// Returns whether this program is inside the repository in which it was built, and not a copy elsewhere.
-pub fn in_repository() -> bool {
-    match (std::env::current_exe(), repository().canonicalize()) {
-        (Ok(program), Ok(root)) => program.starts_with(root),
-        _ => false,
-    }
-}
-
-/// Returns the folder of the firmware's source in the repository that this program was built in.
-pub fn source_folder() -> PathBuf {
-    repository().join("firmware")
 }
 
 /// Returns the commit that an image was built from, as formatted by [`commit_text`]; `None` if it is not an image of
@@ -145,6 +153,28 @@ mod tests {
         assert_eq!(commit_of_image(b"biflag-firmware:00000000 1").unwrap(), "00000000");
         assert_eq!(commit_of_image(b"biflag-firmware:c0ffee"), None);
         assert_eq!(commit_of_image(b"another program"), None);
+    }
+
+    #[test]
+    fn an_image_is_used_until_a_source_is_newer() {
+        let repository = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str, hour: u64| {
+            let path = repository.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, text).unwrap();
+            let time = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(3600 * hour);
+            std::fs::File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
+        };
+        let sources = ["firmware/src/main.rs", "protocol/Cargo.toml", "Cargo.toml", "Cargo.lock"];
+        sources.iter().for_each(|name| file(name, "", 1));
+        assert!(Image::built(repository.path()).is_none());
+        file("target/firmware.elf", "biflag-firmware:c0ffee12 1", 2);
+        assert_eq!(Image::built(repository.path()).unwrap().commit, "c0ffee12");
+        for name in sources {
+            file(name, "", 3);
+            assert!(Image::built(repository.path()).is_none(), "{name}");
+            file(name, "", 1);
+        }
     }
 
     #[test]

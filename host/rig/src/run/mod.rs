@@ -25,7 +25,7 @@ pub use avrdude::{FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
 pub use follow::{FollowError, Followed, follow};
 pub use health::GLITCHES_ALLOWED;
-pub use image::{Image, ImageError, commit_of_image, commit_text, in_repository, source_folder};
+pub use image::{Image, ImageError, commit_of_image, commit_text, repository};
 pub use simulated::SimulatedRobot;
 pub use steer::{SteeredRun, steer};
 pub use trial::{RigRun, RunContext, run};

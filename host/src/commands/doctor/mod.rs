@@ -10,7 +10,7 @@ use crate::link::{self, Link, LinkError};
 use crate::plan::board;
 use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
+use crate::run::rig::{ImageError, VirtualNano, commit_text, fault_log, preflight, repository};
 use miette::Diagnostic;
 use serde::Serialize;
 use serde_json::json;
@@ -118,14 +118,15 @@ fn check(name: String, finding: Finding) -> Check {
 
 /// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
 fn firmware_source() -> (&'static str, Finding) {
-    match image::embedded_commit() {
-        Some(commit) if !in_repository() => ("firmware", Ok(format!("{commit}, inside biflag"))),
-        _ => ("AVR toolchain", toolchain()),
+    match (repository(), image::embedded_commit()) {
+        (Some(root), _) => ("AVR toolchain", toolchain(&root)),
+        (None, Some(commit)) => ("firmware", Ok(format!("{commit}, inside biflag"))),
+        (None, None) => ("firmware", Err(problem(ImageError::NoSource))),
     }
 }
 
-fn toolchain() -> Finding {
-    let output = Command::new("sh").arg(source_folder().join("build.sh")).arg("--check").output();
+fn toolchain(repository: &Path) -> Finding {
+    let output = Command::new("sh").arg(repository.join("firmware/build.sh")).arg("--check").output();
     let missing = |detail| (detail, "run `make setup` in the repository".to_owned());
     match output {
         Ok(output) if output.status.success() => Ok(last_line(&output.stdout)),
