@@ -6,7 +6,6 @@
 
 pub mod commands;
 mod image;
-#[cfg(feature = "archives")]
 pub mod pack;
 pub mod signals;
 

@@ -20,10 +20,6 @@ mod live;
 mod man;
 mod new;
 mod options;
-#[cfg(feature = "archives")]
-mod pack;
-#[cfg(not(feature = "archives"))]
-#[path = "no_pack.rs"]
 mod pack;
 mod plan;
 mod plans;

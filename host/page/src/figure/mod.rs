@@ -10,18 +10,7 @@ mod lines;
 mod map;
 mod output;
 mod panel;
-#[cfg(feature = "print")]
 mod print;
-#[cfg(not(feature = "print"))]
-mod print {
-    //! Stands for the converter in a program that was built without it.
-
-    use super::{FigureError, Format};
-
-    pub(super) fn convert(_svg: &str, _format: Format) -> Result<Vec<u8>, FigureError> {
-        Err(FigureError::NotBuilt)
-    }
-}
 mod provenance;
 mod scatter;
 mod sheet;
@@ -157,10 +146,6 @@ pub enum FigureError {
         /// Why.
         reason: String,
     },
-    /// The program has no converter.
-    #[error("this biflag was built without PDF and PNG, as `make demo` does")]
-    #[diagnostic(help("build it with `make build`, or write the figure as .svg"))]
-    NotBuilt,
     /// Its file cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]

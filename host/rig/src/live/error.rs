@@ -29,8 +29,4 @@ pub enum LiveError {
         /// The error of the system.
         reason: String,
     },
-    /// The program has no server.
-    #[error("this biflag was built without a server for viewers, as `make demo` does")]
-    #[diagnostic(help("build it with `make build`"))]
-    NotBuilt,
 }

@@ -7,20 +7,12 @@
 //! other viewers. Web pages other than Foxglove's and this computer's are refused.
 
 mod board;
-#[cfg(feature = "viewers")]
 mod browser;
 mod error;
 mod feed;
-#[cfg(feature = "viewers")]
 mod origin;
 mod playback;
-#[cfg(feature = "viewers")]
 mod server;
-#[cfg(not(feature = "viewers"))]
-#[path = "no_server.rs"]
-mod server;
-#[cfg(not(feature = "viewers"))]
-use server as browser;
 
 pub use board::{WatchError, watch};
 pub use browser::Browser;

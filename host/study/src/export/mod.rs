@@ -1,10 +1,6 @@
 //! Exports trials and sessions to other formats, with the same values as in all commands and pages.
 
 pub(crate) mod csv;
-#[cfg(feature = "parquet")]
-pub(crate) mod parquet;
-#[cfg(not(feature = "parquet"))]
-#[path = "no_parquet.rs"]
 pub(crate) mod parquet;
 pub mod table;
 

@@ -85,7 +85,6 @@ fn described<'a>(comment: &'a str, name: &str) -> Option<(&'a str, &'a str)> {
 mod tests {
     use super::*;
 
-    #[cfg(feature = "parquet")]
     #[test]
     fn tables_are_read_as_they_were_written() {
         let column = |name: &'static str, unit: &'static str, values| Column {
