@@ -6,7 +6,7 @@ DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build build-demo firmware demo gallery notebooks published test proof hostile mutants lint doc book dist dist-arm64 wheel dist-test clean
+.PHONY: help setup build firmware python demo gallery notebooks published test proof hostile mutants lint doc book dist dist-arm64 wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -18,12 +18,13 @@ help:
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
 	@echo "make mutants   changes of protocol and firmware that their tests do not notice; half an hour on two free cores"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
+	@echo "make python    the library of the Python package, and an environment for its tests"
 	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
 	@echo "make dist-arm64  the same for a Raspberry Pi: cross-built, and the model run under QEMU; some minutes"
 	@echo "make wheel     the Python package as a wheel for any Linux; some minutes"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
-	@echo "make lint      format and lint checks"
+	@echo "make lint      format, lints, and the types of the Python package"
 	@echo "make doc       the documentation for contributors"
 	@echo "make setup     install the system packages that the others need"
 	@echo "make clean     remove what was built"
@@ -34,24 +35,16 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
-# Builds the image and the programs at the same time. Then `biflag` takes the image in, which compiles one crate again.
-define BUILD
-@mkdir -p target
-@sh firmware/build.sh > target/firmware.log 2>&1 & image=$$!; \
-$(1) && { wait $$image || { cat target/firmware.log >&2; exit 1; }; } && $(1)
-endef
-
+# Builds the image and, at the same time, everything but `biflag`, which takes the image in.
 build: setup
-	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins)
-
-# Without the libraries for PDF, Parquet and viewers, which take a third of the build. Only the model is optimised: what the others
-# compute in the demo takes less time than their optimisation.
-UNOPTIMISED := $(foreach crate,host page rig study,--config profile.release.package.$(crate).opt-level=0)
-build-demo: setup
-	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins --no-default-features $(UNOPTIMISED))
+	@mkdir -p target
+	@sh firmware/build.sh > target/firmware.log 2>&1 & image=$$!; \
+	$(CARGO) build --release --locked -p page -p rig -p virtual-nano && \
+	{ wait $$image || { cat target/firmware.log >&2; exit 1; }; } && \
+	$(CARGO) build --release --locked -p host -p virtual-nano --bins
 
 # Exit code 3: done with warnings, which do not end the demo.
-demo: build-demo
+demo: build
 	@rm -rf $(DEMO)
 	@echo "\n1. A real sensor was turned by hand through 720 degrees about z. Its counts are replayed through the real firmware:"
 	@$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
@@ -99,12 +92,21 @@ published: build
 	$(BIN)/biflag figure forces $(PUBLISHED)/points/001_w1+50_w2+10.mcap --time 100,112 -o $(PUBLISHED)/forces.pdf
 	$(BIN)/biflag figure map $(PUBLISHED)/map -o $(PUBLISHED)/map.pdf
 
+# The library of the Python package, and the environment of its tests.
+python: setup
+	$(CARGO) build --release --locked -p biflag-python
+	@sh tests/python.sh newest
+
 # Most tests wait for a board, a program or a browser half of their time; those that run in real time bear one more beside them.
 test: export RUST_TEST_THREADS ?= $(shell echo $$((1 + $$(nproc))))
-test: build
+test: build python
 	@sh firmware/setup.sh test
-	$(CARGO) test --release --workspace --locked --no-fail-fast --tests
-	$(CARGO) test --release --workspace --locked --doc
+	@rm -rf target/times
+	@$(CARGO) test --config 'target."cfg(unix)".runner=["$(CURDIR)/tests/timed.sh"]' --release --workspace --locked --no-fail-fast --tests; \
+	programs=$$?; $(CARGO) test --release --workspace --locked --doc; documents=$$?; \
+	echo "\nThe slowest tests, in seconds:"; \
+	(cd target/times && awk '/>$$/ { split(FILENAME, of, " "); gsub(/[<>s]/, "", $$NF); print $$NF, of[1], $$2 }' *) | sort -rn | head -n 20; \
+	[ $$programs$$documents = 00 ]
 
 proof: build
 	@sh firmware/setup.sh test
@@ -119,6 +121,7 @@ proof: build
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test all interruption::killed -- --nocapture
 	KILLS=50 $(CARGO) test --release --locked -p tests --test all sweep::killed -- --nocapture
+	KILLS=50 $(CARGO) test --release --locked -p tests --test all simulate::killed -- --nocapture
 	ROUNDS=20 $(CARGO) test --release --locked -p tests --test all sweep_together -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
@@ -136,9 +139,10 @@ mutants:
 	@command -v cargo-mutants >/dev/null || $(CARGO) install --locked cargo-mutants
 	$(CARGO) mutants -p protocol -p firmware --baseline=skip --timeout 60 --jobs 2
 
-lint: setup
+lint: python
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets --locked -- -D warnings
+	sh host/python/types.sh
 
 doc: setup
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps --locked

@@ -32,6 +32,7 @@ fn two_turns_about_the_vertical_axis() {
 }
 
 #[test]
+#[ignore = "the same about another axis: part of `make proof`"]
 fn two_turns_about_a_horizontal_axis() {
     expect_two_turns(turned_deg("mpu6050/rotate-y-720.csv", 1, 29.0));
 }

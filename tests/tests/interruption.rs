@@ -138,10 +138,10 @@ struct Killed {
 }
 
 /// A recording that is killed at any time loses at most the last half second; `--resume` repeats no complete trial and
-/// leaves none out. `KILLS=1000 cargo test --release -p tests --test all interruption::killed` runs more than the usual 50.
+/// leaves none out. `KILLS=1000 cargo test --release -p tests --test all interruption::killed` runs more than the usual 9.
 #[test]
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
-    let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));
+    let kills = std::env::var("KILLS").map_or(9, |kills| kills.parse().expect("KILLS is a number"));
     let workers = 3;
     let _computer = whole_computer();
     let killed: Vec<Killed> = std::thread::scope(|scope| {

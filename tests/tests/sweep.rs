@@ -35,7 +35,7 @@ impl Random {
 /// `kill -9` at random moments, as often as `KILLS` says: the table has the same bytes as without.
 #[test]
 fn killed_shards_give_the_same_table() {
-    let kills = std::env::var("KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(6);
+    let kills = std::env::var("KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(3);
     let bench = Bench::new();
     bench.file("plan.toml", PLAN);
     let begun = Instant::now();

@@ -1,7 +1,7 @@
 //! Checks that calibrations recover hidden parameters within the stated intervals, on the model alone with the noise of
 //! a sensor.
 //!
-//! A few fits run with the other tests. To run a hundred:
+//! A few fits run with the other tests. To run the others, and a hundred:
 //!
 //! ```text
 //! cargo test --release -p host --test all calibration -- --ignored --nocapture
@@ -72,6 +72,7 @@ impl Coverage {
 }
 
 #[test]
+#[ignore = "the command does so with two parameters (`twin`): part of `make proof`"]
 fn calibration_recovers_hidden_robots() {
     let (hidden, calibration) = fit(1, &SPEEDS[..2]);
     for estimate in &calibration.parameters {
@@ -265,6 +266,7 @@ fn a_sensor_that_looks_backwards_is_found() {
 
 /// A phase is an angle, so the fit has to find it from anywhere.
 #[test]
+#[ignore = "the command does so from one angle (`twin`): part of `make proof`"]
 fn calibration_finds_the_phases_of_the_flagella() {
     find_phases([-100.0, 50.0], &[[0.0, 90.0]]);
 }
