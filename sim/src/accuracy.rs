@@ -4,6 +4,7 @@
 //! with equal starting angles, rounded up. The error of rods as lines is computed from the robot's flagella.
 //! `sim/docs/accuracy.md` has the tables and the commands that print them.
 
+use crate::functions::{hypot, ln, powi};
 use crate::params::Robot;
 use std::f64::consts::TAU;
 
@@ -79,12 +80,12 @@ impl ModelError {
     pub fn of_lines(robot: &Robot) -> Cause {
         let flagellum = &robot.flagellum;
         let (radius, advance) = (flagellum.helix_radius_m, flagellum.pitch_m / TAU);
-        let arm = radius.hypot(advance);
-        let logarithm = (2.0 * NEAR * TAU * arm / flagellum.rod_radius_m).ln().max(LEAST_LOGARITHM);
+        let arm = hypot(radius, advance);
+        let logarithm = ln(2.0 * NEAR * TAU * arm / flagellum.rod_radius_m).max(LEAST_LOGARITHM);
         // Drags per length along the rod and across it, over the viscosity.
         let [along, across] = [TAU / logarithm, 2.0 * TAU / (logarithm + 0.5)];
-        let line = (radius / arm).powi(2) * (along * radius * radius + across * advance * advance);
-        let couple = 2.0 * TAU * flagellum.rod_radius_m.powi(2);
+        let line = powi(radius / arm, 2) * (along * radius * radius + across * advance * advance);
+        let couple = 2.0 * TAU * powi(flagellum.rod_radius_m, 2);
         Cause { what: "rods as lines", yaw: LINES_YAW, tilt: couple / (couple + line) }
     }
 
@@ -114,12 +115,12 @@ impl ModelError {
 
     /// Errors of independent causes add as squares.
     fn total(&self, of: impl Fn(&Cause) -> f64) -> f64 {
-        self.causes.iter().map(|cause| of(cause).powi(2)).sum::<f64>().sqrt()
+        self.causes.iter().map(|cause| powi(of(cause), 2)).sum::<f64>().sqrt()
     }
 }
 
 fn in_proportion([of_yaw, of_tilt]: [f64; 2], [yaw, pitch, roll]: [f64; 3]) -> [f64; 3] {
-    let tilt = of_tilt * pitch.hypot(roll);
+    let tilt = of_tilt * hypot(pitch, roll);
     [of_yaw * yaw.abs(), tilt, tilt]
 }
 

@@ -5,6 +5,7 @@
 //! robots with the same groups, the same ratios of all other lengths to L, and the same moments over mu omega l^3 have
 //! the same angles at the same speeds.
 
+use crate::functions::{hypot, powi};
 use crate::params::Robot;
 use crate::rod::Stiffness;
 use serde::{Deserialize, Serialize};
@@ -67,7 +68,7 @@ impl Groups {
         new.young_pa = viscous(robot.fluid.viscosity_pa_s, contour) / (self.stiffness * round.bend_nm2);
         let net_density = old.density_kg_m3 - robot.fluid.density_kg_m3;
         new.density_kg_m3 = robot.fluid.density_kg_m3 + net_density * viscosity * longer / (size * size);
-        let turn = |radius: f64, pitch: f64| (TAU * radius).hypot(pitch);
+        let turn = |radius: f64, pitch: f64| hypot(TAU * radius, pitch);
         let shorter_turn = turn(new.helix_radius_m, new.pitch_m) / turn(old.helix_radius_m, old.pitch_m);
         new.edge_length_m *= size.min(shorter_turn);
 
@@ -87,7 +88,7 @@ impl Groups {
             tank.joint_depth_m *= size;
         }
 
-        let moments = viscosity * longer.powi(3);
+        let moments = viscosity * powi(longer, 3);
         robot.base.mass_centre_below_joint_m *= moments;
         robot.base.inertia_kg_m2 = robot.base.inertia_kg_m2.map(|inertia| inertia * moments);
         robot.joint.tether_full_nm_per_rad *= moments;
@@ -100,7 +101,7 @@ impl Groups {
 
 /// Returns omega mu l^4 in N m2, from the viscosity (Pa s) and the contour length (m).
 fn viscous(viscosity: f64, contour: f64) -> f64 {
-    SPEED_RPM * PI / 30.0 * viscosity * contour.powi(4)
+    SPEED_RPM * PI / 30.0 * viscosity * powi(contour, 4)
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Registers of several numbers with operators, for formulas that run over many nodes.
 //!
-//! A thin wrapper of [`pulp`], which selects the machine's vector instructions at run time. Every operation is one
-//! instruction.
+//! Every operation is one of [`Simd`], lane by lane.
 
 use crate::V3;
-use pulp::Simd;
+use crate::simd::Simd;
 use std::f64::consts::TAU;
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -53,7 +52,7 @@ impl<S: Simd> Wide<S> {
     /// Returns self * factor + term.
     #[inline(always)]
     pub fn times_plus(self, factor: Self, term: Self) -> Self {
-        Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
+        Self { value: self.simd.fused_f64s(self.value, factor.value, term.value), ..self }
     }
 
     /// Returns self * factor.
@@ -71,10 +70,12 @@ impl<S: Simd> Wide<S> {
     /// Returns the smaller number in each lane; the number of `other` if one is a NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
-        Self { value: self.simd.min_f64s(self.value, other.value), ..self }
+        // Instructions for minima differ in what they do with a NaN.
+        let is_smaller = self.simd.less_than_f64s(self.value, other.value);
+        Self { value: self.simd.select_f64s(is_smaller, self.value, other.value), ..self }
     }
 
-    /// Returns the least number.
+    /// Returns the least number; none may be a NaN.
     #[inline(always)]
     pub fn least(self) -> f64 {
         self.simd.reduce_min_f64s(self.value)
@@ -330,15 +331,15 @@ impl Vectors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pulp::{Arch, WithSimd};
+    use crate::simd::{Kernel, dispatch};
 
     struct Angles<'a>(&'a [f64], &'a mut [[f64; 3]]);
 
-    impl WithSimd for Angles<'_> {
+    impl Kernel for Angles<'_> {
         type Output = ();
 
         #[inline(always)]
-        fn with_simd<S: Simd>(self, simd: S) {
+        fn run<S: Simd>(self, simd: S) {
             for (angle, out) in self.0.iter().zip(self.1) {
                 let (sine, cosine) = Wide::all(simd, *angle).sin_cos();
                 let back = Wide::angle_of(sine, cosine);
@@ -355,7 +356,7 @@ mod tests {
     fn angles_go_both_ways() {
         let angles: Vec<f64> = (-3000..=3000).map(|i| 0.0137 * i as f64).collect();
         let mut out = vec![[0.0; 3]; angles.len()];
-        Arch::new().dispatch(Angles(&angles, &mut out));
+        dispatch(Angles(&angles, &mut out));
         for (angle, [sine, cosine, back]) in angles.iter().zip(out) {
             assert!((sine - angle.sin()).abs() < 4e-15 && (cosine - angle.cos()).abs() < 4e-15, "{angle}");
             let want = angle.sin().atan2(angle.cos());

@@ -25,6 +25,8 @@
 //! No files, no printing, no threads, nothing global: trials are independent and may run side by side. Trials of one
 //! robot are faster if they share [`step::InversesAtRest`].
 #![forbid(unsafe_code)]
+// Functions whose last bits depend on the machine; tests may call them.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 // Formulas use one index into several short arrays; iterators would hide it.
 #![allow(clippy::needless_range_loop)]
 
@@ -34,6 +36,7 @@ pub mod body;
 mod cholesky;
 pub mod contact;
 pub mod fluid;
+pub mod functions;
 pub mod groups;
 mod lanes;
 mod linear;
@@ -41,6 +44,9 @@ pub mod params;
 pub mod resistance;
 pub mod return_to_rest;
 pub mod rod;
+#[cfg(test)]
+mod same_bits;
+mod simd;
 pub mod split_mix;
 pub mod steady;
 pub mod step;

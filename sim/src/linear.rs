@@ -1,6 +1,6 @@
 //! Small dense linear algebra: solutions and inverses by elimination with pivoting.
 
-use pulp::{Arch, Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Returns the solution of a linear system, or `None` if it is singular. Each row has the coefficients, then the right
 /// side.
@@ -38,7 +38,7 @@ pub fn eliminate<R: AsRef<[f64]> + AsMut<[f64]>>(rows: &mut [R], out: &mut [f64]
 /// Inverts a square matrix in place (row by row, `size` rows) by Gauss-Jordan elimination with row pivoting. Returns whether
 /// it is regular to rounding; if not, the contents are useless.
 pub fn invert(matrix: &mut [f64], size: usize) -> bool {
-    Arch::new().dispatch(Invert { matrix, size })
+    dispatch(Invert { matrix, size })
 }
 
 struct Invert<'a> {
@@ -46,11 +46,11 @@ struct Invert<'a> {
     size: usize,
 }
 
-impl WithSimd for Invert<'_> {
+impl Kernel for Invert<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> bool {
+    fn run<S: Simd>(self, _: S) -> bool {
         gauss_jordan(self.matrix, self.size)
     }
 }
@@ -103,7 +103,7 @@ fn gauss_jordan(matrix: &mut [f64], size: usize) -> bool {
 
 /// Writes the product of a square matrix, column by column, with a vector to `out`; their size is a multiple of three.
 pub fn multiply(columns: &[f64], vector: &[f64], out: &mut [f64]) {
-    Arch::new().dispatch(Product { columns, vector, out });
+    dispatch(Product { columns, vector, out });
 }
 
 /// Compiles [`multiply`] for the machine's vector instructions.
@@ -113,11 +113,11 @@ struct Product<'a> {
     out: &'a mut [f64],
 }
 
-impl WithSimd for Product<'_> {
+impl Kernel for Product<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, _: S) {
         let size = self.out.len();
         self.out.fill(0.0);
         // Three columns at once: `out` is read and written less often.

@@ -18,6 +18,7 @@ use crate::V3;
 use crate::body::joint::flagellum_righting;
 use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::nodal_lengths;
+use crate::functions::powi;
 use crate::params::{ParamError, Robot};
 use crate::resistance::{Flagellum, flagella, forces, singular};
 use nalgebra::{DMatrix, DVector};
@@ -87,7 +88,7 @@ impl Motion {
     fn velocity(self, x: V3, k: usize, share: f64) -> V3 {
         match self {
             Self::Turn { axis } => V3::ith(axis, 1.0).cross(&x),
-            Self::Bend { axis, sign, power } => V3::ith(axis, if k == 0 { 1.0 } else { sign }) * share.powi(power),
+            Self::Bend { axis, sign, power } => V3::ith(axis, if k == 0 { 1.0 } else { sign }) * powi(share, power),
         }
     }
 }
@@ -162,7 +163,7 @@ fn restoring(robot: &Robot, one: Motion, other: Motion) -> f64 {
         }
         (Motion::Bend { axis, power, .. }, Motion::Bend { axis: other, power: second, .. }) if axis == other => {
             let [p, q] = [power, second].map(f64::from);
-            let elastic = flexural_rigidity(robot) / length.powi(3) * p * (p - 1.0) * q * (q - 1.0) / (p + q - 3.0);
+            let elastic = flexural_rigidity(robot) / powi(length, 3) * p * (p - 1.0) * q * (q - 1.0) / (p + q - 3.0);
             let tension = weight * p * q * (1.0 / (p + q - 1.0) - 1.0 / (p + q));
             2.0 * (elastic + tension)
         }

@@ -14,6 +14,7 @@ use super::attitude::{euler_zyx, unwrap};
 use super::closure::Closure;
 use crate::V3;
 use crate::fluid::head::RigidSurface;
+use crate::functions::{atan2, sin};
 use crate::params::Robot;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
@@ -42,7 +43,7 @@ const LEAST_SUM: f64 = 0.05;
 /// Returns the twist of the tether, rad.
 fn twist(body: &Body) -> f64 {
     let q = body.attitude.into_inner();
-    unwrap(2.0 * q.k.atan2(q.w), body.yaw)
+    unwrap(2.0 * atan2(q.k, q.w), body.yaw)
 }
 
 /// Returns the gradient of the twist for rotations in body axes. `up`: the vertical in body axes.
@@ -83,7 +84,7 @@ impl RigidBase {
         let mut moment = -(self.drag * body.rate);
         if self.closure == Closure::Paper {
             let pitch = euler_zyx(&body.attitude)[1];
-            moment.y -= self.righting * pitch.sin();
+            moment.y -= self.righting * sin(pitch);
             return moment;
         }
         let up = body.attitude.inverse_transform_vector(&V3::z());

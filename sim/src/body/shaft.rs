@@ -1,6 +1,7 @@
 //! The shafts: the state of each motor, and its shaft frame in the body frame.
 
 use crate::V3;
+use crate::functions::sin_cos;
 use serde::{Deserialize, Serialize};
 
 /// Angle and speed of a motor's shaft about +z_B.
@@ -24,7 +25,7 @@ pub struct Shaft {
 impl Shaft {
     /// Returns a shaft with its foot at `foot` (body frame, m), turned by `angle` (rad).
     pub fn new(foot: V3, angle: f64) -> Self {
-        let (sine, cosine) = angle.sin_cos();
+        let (sine, cosine) = sin_cos(angle);
         Self { foot, sine, cosine }
     }
 

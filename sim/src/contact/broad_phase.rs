@@ -7,9 +7,10 @@
 use super::distance::segment_distance;
 use super::pairs::{Lines, Pair};
 use crate::V3;
+use crate::functions::powi;
 use crate::lanes::{PADDING, Wide, Wide3};
 use crate::rod::Rod;
-use pulp::{Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Finds pairs of close edges, and the least distance.
 #[derive(Clone, Debug)]
@@ -100,7 +101,7 @@ impl BroadPhase {
         }
         self.load(lines);
         let mut pairs = Vec::new();
-        let reach = (limit + self.longest).powi(2);
+        let reach = powi(limit + self.longest, 2);
         for (which, rods) in ROD_PAIRS.into_iter().enumerate() {
             let list = self.lists[which]
                 .take()
@@ -132,7 +133,7 @@ impl BroadPhase {
         let (first, second) = (&self.middles[a], &self.middles[b]);
         let found = |i, j| edges.push([i, j]);
         let search = Close { first, second, exclusion, reach: reach + self.longest, found };
-        let cutoff = (pulp::Arch::new().dispatch(search) - self.longest).max(reach);
+        let cutoff = (dispatch(search) - self.longest).max(reach);
         NeighbourList { shapes: shapes.map(<[V3]>::to_vec), edges, cutoff }
     }
 
@@ -148,7 +149,7 @@ impl BroadPhase {
         // Slightly more, so that rounding does not lose the nearest pair.
         let reach = (apart(self.nearest) + self.longest) * (1.0 + 1e-12);
         let found = |i, j| candidates.push([i, j]);
-        pulp::Arch::new().dispatch(Close { first, second, exclusion: None, reach, found });
+        dispatch(Close { first, second, exclusion: None, reach, found });
         let mut least = f64::INFINITY;
         for edges in candidates {
             let distance = apart(edges);
@@ -197,11 +198,11 @@ struct Close<'a, F> {
     found: F,
 }
 
-impl<F: FnMut(usize, usize)> WithSimd for Close<'_, F> {
+impl<F: FnMut(usize, usize)> Kernel for Close<'_, F> {
     type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+    fn run<S: Simd>(self, simd: S) -> f64 {
         let Close { first, second, exclusion, reach, mut found } = self;
         let [x, y, z] = second;
         let limit = Wide::all(simd, reach * reach);

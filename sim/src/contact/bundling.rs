@@ -2,6 +2,7 @@
 
 use super::pairs::Lines;
 use crate::V3;
+use crate::functions::atan2;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -65,7 +66,7 @@ pub fn winding(lines: &Lines, coil: usize) -> f64 {
             d - along * d.dot(&along)
         })
         .collect();
-    across.windows(2).map(|d| along.dot(&d[0].cross(&d[1])).atan2(d[0].dot(&d[1]))).sum::<f64>() / TAU
+    across.windows(2).map(|d| atan2(along.dot(&d[0].cross(&d[1])), d[0].dot(&d[1]))).sum::<f64>() / TAU
 }
 
 #[cfg(test)]

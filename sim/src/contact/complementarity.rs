@@ -5,6 +5,7 @@
 //! too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable solution: a wrong multiplier
 //! left on a separated pair would spoil all later sweeps.
 
+use crate::functions::positive_part;
 use crate::linear::solve as solve_equations;
 
 /// Number of block pivots without progress after which rows are exchanged one at a time.
@@ -75,7 +76,7 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
         let mut change = 0f64;
         for row in 0..size {
             let diagonal = matrix[row * size + row].max(LEAST_DIAGONAL);
-            let value = (l[row] - row_sum(matrix, b, l, row) / diagonal).max(0.0);
+            let value = positive_part(l[row] - row_sum(matrix, b, l, row) / diagonal);
             change = change.max((value - l[row]).abs() * diagonal);
             l[row] = value;
         }

@@ -6,11 +6,8 @@
 use crate::V3;
 use crate::lanes::{PADDING, Vectors, Wide};
 use crate::params::Precision;
-use pulp::{Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 use std::ops::Range;
-
-/// Points are padded to a multiple of this, so that every vector width divides them.
-const LANES: usize = 16;
 
 /// Returns the Gauss-Legendre rule of 2, 3 or 4 points on [0, 1]: (point, weight).
 pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
@@ -71,7 +68,7 @@ impl Sources {
         self.line[1].fill(edges.len() + 1, |i| density(edges.start + i));
         self.make_room(rule.len() * edges.len());
         for gauss in rule {
-            pulp::Arch::new().dispatch(Expand { sources: self, edges: edges.len(), gauss: *gauss });
+            dispatch(Expand { sources: self, edges: edges.len(), gauss: *gauss });
             self.count += edges.len();
         }
     }
@@ -95,11 +92,11 @@ struct Expand<'a> {
     gauss: (f64, f64),
 }
 
-impl WithSimd for Expand<'_> {
+impl Kernel for Expand<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Sources { count, columns, line: [nodes, density] } = self.sources;
         let (point, weight) = (Wide::all(simd, self.gauss.0), self.gauss.1);
         for e in (0..self.edges).step_by(S::F64_LANES) {
@@ -163,11 +160,13 @@ impl Targets {
 
 /// The sum in one precision: scalar type, its vectors and their operations.
 macro_rules! kernel {
-    ($name:ident, $scalar:ident, $vector:ident, $view:ident, $view_mut:ident, $lanes:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident, $reduce:ident) => {
+    ($name:ident, $widest:literal, $scalar:ident, $vector:ident, $view:ident, $view_mut:ident, $lanes:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident, $total:ident) => {
         mod $name {
-            use super::LANES;
             use crate::V3;
-            use pulp::{Simd, WithSimd};
+            use crate::simd::{Kernel, Simd, dispatch};
+
+            /// Points are padded to a multiple of this, the lanes of the widest register.
+            const LANES: usize = $widest;
 
             #[derive(Clone, Debug)]
             pub(super) struct Points {
@@ -201,7 +200,7 @@ macro_rules! kernel {
                         converted.extend(column.iter().map(|v| *v as $scalar));
                         converted.resize(count.div_ceil(LANES) * LANES, 0.0);
                     }
-                    pulp::Arch::new().dispatch(Sum { points: self, count, e2: (epsilon * epsilon) as $scalar });
+                    dispatch(Sum { points: self, count, e2: (epsilon * epsilon) as $scalar });
                 }
 
                 #[inline(always)]
@@ -217,24 +216,24 @@ macro_rules! kernel {
                 e2: $scalar,
             }
 
-            impl WithSimd for Sum<'_> {
+            impl Kernel for Sum<'_> {
                 type Output = ();
 
                 #[inline(always)]
-                fn with_simd<S: Simd>(self, simd: S) {
+                fn run<S: Simd>(self, simd: S) {
                     let Points { count: targets, at: [x, y, z], flow: [ux, uy, uz], sources } = self.points;
                     let [sx, sy, sz, fx, fy, fz] = sources;
                     let e2 = simd.$splat(self.e2);
-                    // Registers of targets. If the last targets fill at most half a register, they are summed over
-                    // registers of sources.
-                    let blocks = (2 * *targets + S::$lanes - 1) / (2 * S::$lanes);
+                    // Registers of targets. If the last targets fill at most three quarters of the widest register, they are
+                    // summed over registers of sources. What is summed how must not depend on the machine's width.
+                    let blocked = (*targets + LANES / 4 - 1) / LANES * LANES;
                     {
                         let count = self.count;
                         let (sx, sy, sz) = (&sx[..count], &sy[..count], &sz[..count]);
                         let (fx, fy, fz) = (&fx[..count], &fy[..count], &fz[..count]);
                         let (x, y, z) = (S::$view(x).0, S::$view(y).0, S::$view(z).0);
                         let (ux, uy, uz) = (S::$view_mut(ux).0, S::$view_mut(uy).0, S::$view_mut(uz).0);
-                        for block in 0..blocks {
+                        for block in 0..blocked / S::$lanes {
                             let at = [x[block], y[block], z[block]];
                             let mut sum = [ux[block], uy[block], uz[block]];
                             for j in 0..count {
@@ -247,15 +246,20 @@ macro_rules! kernel {
                     }
                     let (sx, sy, sz) = (S::$view(sx).0, S::$view(sy).0, S::$view(sz).0);
                     let (fx, fy, fz) = (S::$view(fx).0, S::$view(fy).0, S::$view(fz).0);
-                    for i in blocks * S::$lanes..*targets {
+                    let registers = LANES / S::$lanes;
+                    for i in blocked..*targets {
                         let at = [simd.$splat(x[i]), simd.$splat(y[i]), simd.$splat(z[i])];
-                        let mut sum = [simd.$splat(0.0); 3];
-                        for j in 0..sx.len() {
-                            sum = add(simd, at, [sx[j], sy[j], sz[j]], [fx[j], fy[j], fz[j]], e2, sum);
+                        let mut sums = [[simd.$splat(0.0); LANES]; 3];
+                        for start in (0..sx.len()).step_by(registers) {
+                            for r in 0..registers {
+                                let (j, sum) = (start + r, sums.map(|axis| axis[r]));
+                                let sum = add(simd, at, [sx[j], sy[j], sz[j]], [fx[j], fy[j], fz[j]], e2, sum);
+                                (sums[0][r], sums[1][r], sums[2][r]) = sum.into();
+                            }
                         }
-                        ux[i] += simd.$reduce(sum[0]);
-                        uy[i] += simd.$reduce(sum[1]);
-                        uz[i] += simd.$reduce(sum[2]);
+                        ux[i] += simd.$total(sums[0]);
+                        uy[i] += simd.$total(sums[1]);
+                        uz[i] += simd.$total(sums[2]);
                     }
                 }
             }
@@ -292,6 +296,7 @@ macro_rules! kernel {
 
 kernel!(
     single,
+    16,
     f32,
     f32s,
     as_simd_f32s,
@@ -302,11 +307,12 @@ kernel!(
     mul_f32s,
     div_f32s,
     sqrt_f32s,
-    mul_add_e_f32s,
-    reduce_sum_f32s
+    fused_f32s,
+    sum_f32s
 );
 kernel!(
     double,
+    8,
     f64,
     f64s,
     as_simd_f64s,
@@ -317,6 +323,6 @@ kernel!(
     mul_f64s,
     div_f64s,
     sqrt_f64s,
-    mul_add_e_f64s,
-    reduce_sum_f64s
+    fused_f64s,
+    sum_f64s
 );

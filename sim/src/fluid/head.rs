@@ -13,6 +13,7 @@
 
 use super::stokeslet_factor;
 use crate::V3;
+use crate::functions::{hypot, powi, sin_cos};
 use crate::linear::invert;
 use crate::params::{Head, HeadShape, ParamError, Robot};
 use nalgebra::{DMatrix, Matrix3, Matrix6};
@@ -64,7 +65,7 @@ pub fn surface_points(head: &Head, count: usize) -> Vec<SurfacePoint> {
         // Every second ring is turned by half a cell.
         let shift = if k % 2 == 0 { 0.5 } else { 0.0 };
         for j in 0..number as usize {
-            let (sine, cosine) = (TAU * (j as f64 + shift) / number).sin_cos();
+            let (sine, cosine) = sin_cos(TAU * (j as f64 + shift) / number);
             let at = head.centre() + V3::new(ring.radius * cosine, ring.radius * sine, ring.height);
             points.push(SurfacePoint { at, area: ring.area / number });
         }
@@ -87,7 +88,7 @@ fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
     let bands = (2.0 * c / width).round().max(1.0);
     let height = 2.0 * c / bands;
     let mut out = Vec::new();
-    let disc = |k: f64| PI * (step * k).powi(2);
+    let disc = |k: f64| PI * powi(step * k, 2);
     for k in 1..rings as usize {
         let k = k as f64;
         out.push(Ring { radius: step * (k - 0.5), height: c, area: disc(k) - disc(k - 1.0) });
@@ -108,18 +109,18 @@ fn cylinder_rings(a: f64, c: f64, width: f64) -> Vec<Ring> {
 /// steps.
 fn spheroid_outline(a: f64, c: f64) -> Vec<[f64; 2]> {
     let steps = 4000;
-    (0..=steps).map(|i| (PI * f64::from(i) / f64::from(steps)).sin_cos()).map(|(s, z)| [a * s, c * z]).collect()
+    (0..=steps).map(|i| sin_cos(PI * f64::from(i) / f64::from(steps))).map(|(s, z)| [a * s, c * z]).collect()
 }
 
 /// Returns the area of the band between two points of an outline.
 fn band(ends: &[[f64; 2]]) -> f64 {
     let ([r0, z0], [r1, z1]) = (ends[0], ends[1]);
-    PI * (r0 + r1) * (r1 - r0).hypot(z1 - z0)
+    PI * (r0 + r1) * hypot(r1 - r0, z1 - z0)
 }
 
 /// Returns the rings in the middle of equal arcs of an outline.
 fn spheroid_rings(outline: &[[f64; 2]], width: f64) -> Vec<Ring> {
-    let lengths = outline.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
+    let lengths = outline.windows(2).map(|p| hypot(p[1][0] - p[0][0], p[1][1] - p[0][1]));
     let mut arc = vec![0.0];
     for length in lengths {
         arc.push(arc[arc.len() - 1] + length);

@@ -8,7 +8,7 @@
 use super::{far::gauss_rule, stokeslet_factor};
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
-use pulp::{Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Returns the inverse hyperbolic tangent. Half-angle steps leave an argument below 0.31; eleven terms are then good to
 /// 1e-12.
@@ -79,7 +79,7 @@ impl NearBand {
             }
         }
         let (e2, factor) = (epsilon * epsilon, stokeslet_factor(viscosity));
-        pulp::Arch::new().dispatch(Assemble { band: self, e2, factor });
+        dispatch(Assemble { band: self, e2, factor });
     }
 
     #[inline(always)]
@@ -120,7 +120,7 @@ impl NearBand {
                 self.density[axis][self.reach + i] = f[axis];
             }
         }
-        pulp::Arch::new().dispatch(Multiply(self));
+        dispatch(Multiply(self));
     }
 
     #[inline(always)]
@@ -166,11 +166,11 @@ struct Assemble<'a> {
     factor: f64,
 }
 
-impl WithSimd for Assemble<'_> {
+impl Kernel for Assemble<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         self.band.assemble_diagonals(simd, self.e2, self.factor);
     }
 }
@@ -178,11 +178,11 @@ impl WithSimd for Assemble<'_> {
 /// Compiles the product for the machine's vector instructions.
 struct Multiply<'a>(&'a mut NearBand);
 
-impl WithSimd for Multiply<'_> {
+impl Kernel for Multiply<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         self.0.multiply_padded(simd);
     }
 }

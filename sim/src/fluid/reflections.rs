@@ -10,9 +10,10 @@ use super::head::stokeslet;
 use super::walls::{Images, Plane, Walls};
 use crate::V3;
 use crate::cholesky::whiten;
+use crate::functions::{asinh, cos, cosh, sinh};
 use crate::linear::multiply;
+use crate::simd::{Kernel, Simd, dispatch};
 use nalgebra::{DMatrix, Matrix3};
-use pulp::{Simd, WithSimd};
 
 /// Largest number of points on all walls.
 const POINTS: f64 = 250.0;
@@ -103,7 +104,8 @@ impl Reflections {
         fitted.set_points(&samples);
         let values = std::mem::take(&mut fitted.values);
         let values = DMatrix::from_row_slice(samples.len(), values.len() / samples.len(), &values);
-        let fit = values.pseudo_inverse(1e-12).ok()?.kronecker(&Matrix3::identity());
+        let factors = values.qr();
+        let fit = factors.r().solve_upper_triangular(&factors.q().transpose())?.kronecker(&Matrix3::identity());
         // Polynomials first: they are fewer than the samples.
         let size = fit.nrows();
         let mut rows = DMatrix::zeros(2 * size, behind.ncols());
@@ -133,14 +135,14 @@ impl Reflections {
     pub fn add_moments(&self, first: usize, forces: &[V3], moments: &mut Vec<f64>) {
         moments.resize(self.matrix.nrows(), 0.0);
         let values = &self.values[first * moments.len() / 3..];
-        pulp::Arch::new().dispatch(Gather { values, forces, moments });
+        dispatch(Gather { values, forces, moments });
     }
 
     /// Adds the flow of forces with these moments to the flow at the points, without the factor 1/(8 pi mu): N/m.
     pub fn add_flow(&self, moments: &[f64], flow: &mut [V3]) {
         let mut coefficients = vec![0.0; moments.len()];
         multiply(self.matrix.as_slice(), moments, &mut coefficients);
-        pulp::Arch::new().dispatch(Spread { values: &self.values, coefficients: &coefficients, flow });
+        dispatch(Spread { values: &self.values, coefficients: &coefficients, flow });
     }
 
     fn scaled(&self, x: V3) -> V3 {
@@ -155,11 +157,11 @@ struct Gather<'a> {
     moments: &'a mut [f64],
 }
 
-impl WithSimd for Gather<'_> {
+impl Kernel for Gather<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, _: S) {
         let count = self.moments.len() / 3;
         for (values, force) in self.values.chunks_exact(count).zip(self.forces) {
             for (moments, f) in self.moments.chunks_exact_mut(count).zip(force.as_slice()) {
@@ -178,21 +180,24 @@ struct Spread<'a> {
     flow: &'a mut [V3],
 }
 
-impl WithSimd for Spread<'_> {
+impl Kernel for Spread<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let count = self.coefficients.len() / 3;
         for (values, u) in self.values.chunks_exact(count).zip(self.flow) {
             for (coefficients, u) in self.coefficients.chunks_exact(count).zip(u.as_mut_slice()) {
-                let (wide, rest) = S::as_simd_f64s(values);
-                let (wide_of, rest_of) = S::as_simd_f64s(coefficients);
-                let mut sum = simd.splat_f64s(0.0);
-                for (value, coefficient) in wide.iter().zip(wide_of) {
-                    sum = simd.mul_add_e_f64s(*value, *coefficient, sum);
+                let (values, coefficients) = (values.chunks_exact(8), coefficients.chunks_exact(8));
+                let rest: f64 = values.remainder().iter().zip(coefficients.remainder()).map(|(v, c)| v * c).sum();
+                let mut sums = [simd.splat_f64s(0.0); 8];
+                for (values, coefficients) in values.zip(coefficients) {
+                    let (values, coefficients) = (S::as_simd_f64s(values).0, S::as_simd_f64s(coefficients).0);
+                    for i in 0..8 / S::F64_LANES {
+                        sums[i] = simd.fused_f64s(values[i], coefficients[i], sums[i]);
+                    }
                 }
-                *u += simd.reduce_sum_f64s(sum) + rest.iter().zip(rest_of).map(|(v, c)| v * c).sum::<f64>();
+                *u += simd.sum_f64s(sums) + rest;
             }
         }
     }
@@ -217,7 +222,7 @@ fn push_monomials(x: V3, out: &mut Vec<f64>) {
 
 /// Returns the points of a grid in a box, closer together at its sides.
 fn grid([low, high]: [V3; 2]) -> Vec<V3> {
-    let at = |i: usize| -(std::f64::consts::PI * (i as f64 + 0.5) / SAMPLES as f64).cos();
+    let at = |i: usize| -cos(std::f64::consts::PI * (i as f64 + 0.5) / SAMPLES as f64);
     let index = |i: usize| V3::new(at(i % SAMPLES), at(i / SAMPLES % SAMPLES), at(i / SAMPLES / SAMPLES));
     (0..SAMPLES.pow(3)).map(|i| (low + high) * 0.5 + (high - low).component_mul(&index(i)) * 0.5).collect()
 }
@@ -229,11 +234,11 @@ fn cover(plane: &Plane, middle: V3, ends: [V3; 2], along: usize, points: &mut Ve
     let axes = [(plane.axis + 1) % 3, (plane.axis + 2) % 3];
     // Positions and spacing along each axis.
     let places = axes.map(|axis| {
-        let [from, to] = ends.map(|corner| ((corner[axis] - middle[axis]) / height).asinh());
+        let [from, to] = ends.map(|corner| asinh((corner[axis] - middle[axis]) / height));
         let step = (to - from) / along as f64;
         (0..along).map(move |i| {
             let u = from + (i as f64 + 0.5) * step;
-            (middle[axis] + height * u.sinh(), height * u.cosh() * step)
+            (middle[axis] + height * sinh(u), height * cosh(u) * step)
         })
     });
     for (first, first_step) in places[0].clone() {

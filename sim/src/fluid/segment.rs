@@ -5,6 +5,7 @@
 //! the moments T_{m,-p} = int_0^1 a^m R(a)^-p da (Cortez 2018, section 3).
 
 use crate::V3;
+use crate::functions::{ln, powi};
 use nalgebra::Matrix3;
 
 /// Eight-point Gauss-Legendre rule on [-1, 1]: positive abscissae and weights.
@@ -32,7 +33,7 @@ impl Moments {
         let s1 = s0 + l2;
         let sum = r0 + r1;
         // One logarithm for the textbook's difference of two: it needs no cases for signs.
-        let t01 = ((sum + l) / (sum - l)).ln() / l;
+        let t01 = ln((sum + l) / (sum - l)) / l;
         let t03 = (s1 / r1 - s0 / r0) / (l2 * r0 * r0 - s0 * s0);
         let t11 = (r1 - r0 - s0 * t01) / l2;
         let t13 = -(1.0 / r1 - 1.0 / r0 + s0 * t03) / l2;
@@ -46,7 +47,7 @@ impl Moments {
         for (abscissa, weight) in GAUSS8 {
             for a in [0.5 * (1.0 - abscissa), 0.5 * (1.0 + abscissa)] {
                 let inverse = 1.0 / (r0_squared + a * (2.0 * s0 + a * l2)).sqrt();
-                let (mut w1, mut w3) = (0.5 * weight * inverse, 0.5 * weight * inverse.powi(3));
+                let (mut w1, mut w3) = (0.5 * weight * inverse, 0.5 * weight * powi(inverse, 3));
                 for m in 0..4 {
                     if m < 2 {
                         moments.inverse[m] += w1;

@@ -24,8 +24,8 @@
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
 use crate::params::{Face, Tank};
+use crate::simd::{Kernel, Simd, dispatch};
 use nalgebra::{DMatrix, Matrix3};
-use pulp::{Simd, WithSimd};
 
 /// A plane wall across an axis of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -219,7 +219,7 @@ impl Images {
             flow.resize(padded, 0.0);
         }
         self.columns.resize(9 * padded * sources.len(), 0.0);
-        pulp::Arch::new().dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
+        dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
     }
 
     /// Adds the matrix times a factor to another one, with three rows a target and three columns a source.
@@ -238,7 +238,7 @@ impl Images {
 
     /// Computes the flow of forces (N) at the sources from `first` on; [`Images::flow`] returns it.
     pub fn multiply(&mut self, first: usize, forces: &[V3]) {
-        pulp::Arch::new().dispatch(Multiply { images: self, first, forces });
+        dispatch(Multiply { images: self, first, forces });
     }
 
     /// Returns the flow at a target after [`Images::multiply`], without the factor 1/(8 pi mu): N/m.
@@ -256,11 +256,11 @@ struct Assemble<'a> {
     e2: f64,
 }
 
-impl WithSimd for Assemble<'_> {
+impl Kernel for Assemble<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Self { images, walls, sources, e2 } = self;
         let [x, y, z] = &images.at;
         let zero = Wide::all(simd, 0.0);
@@ -293,11 +293,11 @@ struct Multiply<'a> {
     forces: &'a [V3],
 }
 
-impl WithSimd for Multiply<'_> {
+impl Kernel for Multiply<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Self { images, first, forces } = self;
         let padded = images.at[0].len();
         let columns = &images.columns[9 * padded * first..];

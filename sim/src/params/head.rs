@@ -3,6 +3,7 @@
 use super::ParamError;
 use super::validate::{refuse, within};
 use crate::V3;
+use crate::functions::{hypot, sin_cos};
 use serde::{Deserialize, Serialize};
 
 /// The effect of the base on the fluid.
@@ -98,7 +99,7 @@ impl Head {
             .map(|i| {
                 let (radius, z) = self.outline(f64::from(i) / f64::from(outline));
                 let (above, beside) = (self.centre_m[2] + z - top, apart - radius - reach);
-                if above > 0.0 { above.hypot(beside.max(0.0)) } else { beside }
+                if above > 0.0 { hypot(above, beside.max(0.0)) } else { beside }
             })
             .fold(f64::INFINITY, f64::min)
     }
@@ -112,7 +113,7 @@ impl Head {
             let z = (a + c - along).clamp(-c, c);
             return (along.min(2.0 * (a + c) - along).min(a), z);
         }
-        let (sine, cosine) = (std::f64::consts::PI * share).sin_cos();
+        let (sine, cosine) = sin_cos(std::f64::consts::PI * share);
         (a * sine, c * cosine)
     }
 }

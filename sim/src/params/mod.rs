@@ -21,6 +21,7 @@ pub use head::{Head, HeadShape};
 pub use solver::{Precision, SolverSettings};
 pub use tank::{Face, Tank};
 
+use crate::functions::{exp, pow, powi};
 use crate::rod::{
     Stiffness,
     helix::{Handedness, Helix},
@@ -234,19 +235,19 @@ impl Glycerol {
     /// Returns the dynamic viscosity in Pa s.
     pub fn viscosity_pa_s(&self) -> f64 {
         let (c, t) = (self.mass_fraction, self.temperature_c);
-        let glycerol = 12.1 * ((-1233.0 + t) * t / (9900.0 + 70.0 * t)).exp();
-        let water = 1.790e-3 * ((-1230.0 - t) * t / (36100.0 + 360.0 * t)).exp();
+        let glycerol = 12.1 * exp((-1233.0 + t) * t / (9900.0 + 70.0 * t));
+        let water = 1.790e-3 * exp((-1230.0 - t) * t / (36100.0 + 360.0 * t));
         let a = 0.705 - 0.0017 * t;
-        let b = (4.9 + 0.036 * t) * a.powf(2.5);
+        let b = (4.9 + 0.036 * t) * pow(a, 2.5);
         let alpha = 1.0 - c + a * b * c * (1.0 - c) / (a * c + b * (1.0 - c));
-        water.powf(alpha) * glycerol.powf(1.0 - alpha)
+        pow(water, alpha) * pow(glycerol, 1.0 - alpha)
     }
 
     /// Returns the density in kg/m3, without the small contraction on mixing.
     pub fn density_kg_m3(&self) -> f64 {
         let t = self.temperature_c;
         let glycerol = 1277.0 - 0.654 * t;
-        let water = 1000.0 * (1.0 - ((t - 4.0).abs() / 622.0).powf(1.7));
+        let water = 1000.0 * (1.0 - pow((t - 4.0).abs() / 622.0, 1.7));
         self.mass_fraction * glycerol + (1.0 - self.mass_fraction) * water
     }
 }
@@ -336,13 +337,13 @@ impl Robot {
         if self.head.shape != HeadShape::Local {
             return 0.0;
         }
-        2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
+        2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * powi(self.base.radius_m, 3)
     }
 
     /// Returns the couple of the fluid on a round rod that spins about its centre line, N m s per metre and radian:
     /// 4 pi mu a^2.
     pub fn round_spin_drag(&self) -> f64 {
-        4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2)
+        4.0 * PI * self.fluid.viscosity() * powi(self.flagellum.rod_radius_m, 2)
     }
 
     /// Returns the drag on the spin of the flagella.
@@ -352,7 +353,7 @@ impl Robot {
 
     /// Returns the weight less buoyancy of the rod in N/m, downwards.
     pub fn net_weight(&self) -> f64 {
-        let area = PI * self.flagellum.rod_radius_m.powi(2);
+        let area = PI * powi(self.flagellum.rod_radius_m, 2);
         (self.flagellum.density_kg_m3 - self.fluid.density()) * area * self.base.gravity_m_s2
     }
 }

@@ -1,6 +1,7 @@
 //! Limits of the parameters, with their reasons.
 
 use super::{ParamError, Robot};
+use crate::functions::{cos, hypot, powi};
 use std::f64::consts::{PI, TAU};
 
 /// Shortest regularisation, in lengths of an edge, for which the series of [`crate::fluid::near`] is good to 1e-11.
@@ -87,7 +88,7 @@ impl Robot {
         }
         let nearest = (0..=600)
             .map(|i| PI * (1.0 + i as f64 / 200.0))
-            .map(|s| (2.0 * radius * radius * (1.0 - s.cos()) + (advance * s).powi(2)).sqrt())
+            .map(|s| (2.0 * radius * radius * (1.0 - cos(s)) + powi(advance * s, 2)).sqrt())
             .fold(f64::INFINITY, f64::min);
         if nearest <= 2.0 * r && f.axial_length_m > 0.5 * f.pitch_m {
             return refuse(
@@ -107,7 +108,7 @@ impl Robot {
                 format!("the flagella touch when they turn: needs more than {:.2e} m", 2.0 * (radius + r)),
             );
         }
-        let turn = (TAU * radius).hypot(f.pitch_m);
+        let turn = hypot(TAU * radius, f.pitch_m);
         if f.edge_length_m > turn / 12.0 && radius > 0.1 * r {
             return refuse(
                 "flagellum.edge_length_m",

@@ -7,8 +7,8 @@ use super::stencil::{ByNode, add_local, spread_edges, symmetric};
 use super::{Rod, band::Band, frames::Frames};
 use crate::V3;
 use crate::lanes::{Vectors, Wide};
+use crate::simd::Simd;
 use nalgebra::Matrix3;
-use pulp::Simd;
 
 /// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {

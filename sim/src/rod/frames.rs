@@ -7,7 +7,7 @@
 
 use crate::V3;
 use crate::lanes::{Vectors, Wide, Wide3, padded};
-use pulp::{Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -102,7 +102,7 @@ impl Frames {
         self.before[0].copy_from(&reference.tangent);
         self.before[1].copy_from(&reference.director);
         self.twist_before[..nodes.len()].copy_from_slice(&reference.twist);
-        pulp::Arch::new().dispatch(Update(self));
+        dispatch(Update(self));
         self.binormal.set(self.edges, V3::zeros());
         self.reference_twist[self.edges] = 0.0;
     }
@@ -177,11 +177,11 @@ fn transport<S: Simd>(u: Wide3<S>, from: Wide3<S>, to: Wide3<S>, inverse_chi: Wi
 /// Compiles the frames for the machine's vector instructions.
 struct Update<'a>(&'a mut Frames);
 
-impl WithSimd for Update<'_> {
+impl Kernel for Update<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         self.0.update_edges(simd);
         self.0.update_nodes(simd);
     }

@@ -5,7 +5,7 @@
 
 use super::{Rod, bend, frames::Frames, stencil::ByNode, stretch, twist};
 use crate::lanes::{Wide, Wide3, padded};
-use pulp::{Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Numbers of a rod at rest that the gradient uses, padded.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ impl AtRest {
 
 /// Writes the gradient to `out`, four slots a node.
 pub(super) fn gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
-    pulp::Arch::new().dispatch(Gradient { rod, frames, angles, out });
+    dispatch(Gradient { rod, frames, angles, out });
 }
 
 /// Compiles the gradient for the machine's vector instructions.
@@ -45,11 +45,11 @@ struct Gradient<'a> {
     out: &'a mut [f64],
 }
 
-impl WithSimd for Gradient<'_> {
+impl Kernel for Gradient<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Gradient { rod, frames, angles, out } = self;
         let (n, at_rest, stiffness) = (rod.nodes(), &rod.at_rest, &rod.stiffness);
         let length = padded(n);

@@ -5,6 +5,7 @@
 //! (R cos s, -+R sin s, -pitch s/(2 pi)), upper sign right-handed.
 
 use crate::V3;
+use crate::functions::{hypot, sin_cos};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -35,7 +36,7 @@ pub struct Helix {
 impl Helix {
     /// Returns the length of the centre line, m.
     pub fn contour_length(&self) -> f64 {
-        let turn = (TAU * self.radius).hypot(self.pitch);
+        let turn = hypot(TAU * self.radius, self.pitch);
         turn * self.axial_length / self.pitch
     }
 
@@ -49,7 +50,7 @@ impl Helix {
         (0..=edges)
             .map(|i| {
                 let share = i as f64 / edges as f64;
-                let (sine, cosine) = (total * share).sin_cos();
+                let (sine, cosine) = sin_cos(total * share);
                 V3::new(self.radius * cosine, sign * self.radius * sine, -self.axial_length * share)
             })
             .collect()

@@ -7,6 +7,8 @@
 //! so changes the twist; the couple on the clamped edge acts on the clamp. It moves no fluid: the rotlets' own flow is
 //! of the same order as other terms that slender-body theory leaves out.
 
+use crate::functions::tanh;
+
 /// Smallest drag on changes of the spin in the shaft's frame, as a share of a round rod's. Without drag, twist has no
 /// time constant, and no solution exists where it snaps (soft flagella driven against their winding).
 pub const LEAST_SPIN_DRAG: f64 = 0.02;
@@ -38,7 +40,7 @@ impl SpinDrag {
     /// `below`: arc up to the clamp and down to the free end, m; `kappa`: first weight of the time formula, 1/s.
     pub fn twist_compliance(&self, twist: f64, above: f64, below: f64, kappa: f64) -> f64 {
         let reach = self.twist_reach(twist, kappa);
-        reach / twist / (1.0 / (above / reach).tanh() + (below / reach).tanh())
+        reach / twist / (1.0 / tanh(above / reach) + tanh(below / reach))
     }
 
     /// Returns the torque of the fluid on an edge about its tangent, N m. `length`: of the edge, m; `change`: rate of its

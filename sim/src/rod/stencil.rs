@@ -5,8 +5,8 @@
 use super::band::Band;
 use crate::V3;
 use crate::lanes::{Wide, Wide3};
+use crate::simd::Simd;
 use nalgebra::Matrix3;
-use pulp::Simd;
 
 /// Derivatives of the energy at neighbouring nodes.
 pub(super) struct ByNode<S: Simd> {

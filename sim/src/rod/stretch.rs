@@ -1,14 +1,15 @@
 //! Stretch energy 1/2 EA (|e|/|e0| - 1)^2 |e0| of every edge (Bergou et al. 2010).
 
 use super::{Rod, Stiffness, band::Band, frames::Frames};
+use crate::functions::powi;
 use crate::lanes::Wide;
-use pulp::Simd;
+use crate::simd::Simd;
 
 /// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
     let ea = rod.stiffness.stretch_n;
     (frames.length.iter().zip(&rod.rest_length))
-        .map(|(length, rest)| 0.5 * ea * (length / rest - 1.0).powi(2) * rest)
+        .map(|(length, rest)| 0.5 * ea * powi(length / rest - 1.0, 2) * rest)
         .sum()
 }
 

@@ -6,7 +6,7 @@
 use super::stencil::{ByNode, add_local, spread_edges, symmetric};
 use super::{Rod, band::Band, frames::Frames};
 use crate::lanes::Wide;
-use pulp::Simd;
+use crate::simd::Simd;
 
 /// Returns the energy in J.
 pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {

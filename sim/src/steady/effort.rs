@@ -7,6 +7,7 @@
 //! built-in robots.
 
 use super::period;
+use crate::functions::pow;
 use crate::groups::Groups;
 use crate::params::Robot;
 use crate::rod::helix::Handedness;
@@ -46,7 +47,7 @@ pub fn estimate(robot: &Robot, rpm: [f64; 2], solved: bool, longest_s: f64) -> f
     let turns = rpm[0].abs().max(rpm[1].abs()).max((rpm[0] - rpm[1]).abs()).max(SLOW_RPM);
     // Soft flagella bend until they touch.
     let softness = (Groups::of(robot).stiffness / Groups::of(&Robot::published()).stiffness).clamp(1.0, 10.0);
-    simulated_s * turns * contact * softness * (robot.flagellum.edges() as f64).powf(EDGES)
+    simulated_s * turns * contact * softness * pow(robot.flagellum.edges() as f64, EDGES)
 }
 
 #[cfg(test)]

@@ -40,6 +40,7 @@ pub mod quantities;
 mod shooting;
 mod slow;
 
+use crate::functions::exp;
 use crate::params::Closure;
 use crate::params::{ParamError, Robot};
 use crate::step::{InversesAtRest, Solver, StepError};
@@ -191,7 +192,7 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
 /// by chance, too: a quantity may stand still between two modes. None is below the solver's own.
 fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
-    let slowest = 1.0 / (1.0 - (-steady.window_s / SLOWEST_S).exp());
+    let slowest = 1.0 / (1.0 - exp(-steady.window_s / SLOWEST_S));
     // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
     let scale = (distance / changes.fold(0.0, f64::max)).min(slowest);
     let set = |(now, before): (&mut Level, &Level)| {

@@ -7,6 +7,7 @@
 //! assumed common decay.
 
 use super::slow::{COORDINATES, Slow};
+use crate::functions::exp;
 use nalgebra::SMatrix;
 
 pub type Map = SMatrix<f64, COORDINATES, COORDINATES>;
@@ -37,8 +38,8 @@ impl Modes {
     /// `interval`: between samples, s; `period`: of the motion, s.
     pub fn new(interval: f64, period: f64) -> Self {
         let weight = Map::identity() * ASSUMED_WEIGHT;
-        let assumed = [weight * (-interval / ASSUMED_S).exp(), weight];
-        Self { products: assumed, assumed, kept: (-period / MEMORY_S).exp() }
+        let assumed = [weight * exp(-interval / ASSUMED_S), weight];
+        Self { products: assumed, assumed, kept: exp(-period / MEMORY_S) }
     }
 
     /// Adds the samples of two periods at the same angles of the motors.

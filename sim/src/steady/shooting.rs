@@ -4,6 +4,7 @@ use super::modes::{ASSUMED_S, Map, Modes};
 use super::slow::{self, ANGLES, COORDINATES, Slow};
 use super::{Problem, SolveError, TOLERANCE, Watch, period, run};
 use crate::anderson::Anderson;
+use crate::functions::exp;
 use crate::params::SolverSettings;
 use crate::step::state::State;
 use crate::trial::Trial;
@@ -115,7 +116,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             let distance = attitude(&newton).max(attitude(&step));
             let is_stable = !modes.grow();
             // With the assumed decay, too: small differences tell little of the true one.
-            let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
+            let assumed = attitude(&(end - from)) / (1.0 - exp(-period / ASSUMED_S));
             let is_found = distance < TOLERANCE && assumed < TOLERANCE && is_fine && !is_coarse && paths.len() > 1;
             if is_found
                 && is_stable
@@ -132,7 +133,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             is_fine |= is_close;
             // Where no step is to be trusted, a period passes without one: the motion decays by itself, or leaves what is not
             // stable.
-            let longest = LONGEST.min((end - from).amax() / (1.0 - (-period / SLOWEST_S).exp()));
+            let longest = LONGEST.min((end - from).amax() / (1.0 - exp(-period / SLOWEST_S)));
             let difference = attitude(&(newton - step)) / distance;
             let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
             if is_stable && (is_plausible || is_coarse && is_close) {

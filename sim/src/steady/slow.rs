@@ -7,13 +7,13 @@
 //! The bend of a flagellum is the rotation of its tip, from the mean displacement of its nodes across the shaft.
 
 use crate::V3;
-use crate::body::attitude::euler_zyx;
+use crate::body::attitude::{euler_zyx, of_euler_zyx, of_vector};
 use crate::body::shaft::{MotorState, Shaft};
 use crate::rod::Rod;
 use crate::step::Solver;
 use crate::step::state::{Shape, State};
 use crate::trial::profile::SpeedProfile;
-use nalgebra::{Rotation3, SVector, UnitQuaternion};
+use nalgebra::{SVector, UnitQuaternion};
 
 /// Number of coordinates.
 pub const COORDINATES: usize = 7;
@@ -62,7 +62,7 @@ pub fn moved(state: &State, change: &Slow, profile: &SpeedProfile) -> State {
     let mut out = state.clone();
     let turned = |attitude: &UnitQuaternion<f64>| {
         let [yaw, pitch, roll] = euler_zyx(attitude);
-        UnitQuaternion::from_euler_angles(roll + change[2], pitch + change[1], yaw + change[0])
+        of_euler_zyx([yaw + change[0], pitch + change[1], roll + change[2]])
     };
     out.body.attitude = turned(&state.body.attitude);
     out.body.yaw += change[0];
@@ -76,7 +76,7 @@ pub fn moved(state: &State, change: &Slow, profile: &SpeedProfile) -> State {
         let edges = rod.frames.tangent.len();
         for (e, (tangent, director)) in rod.frames.tangent.iter_mut().zip(&mut rod.frames.director).enumerate().skip(1)
         {
-            let rotation = Rotation3::new(tip * share(e, edges));
+            let rotation = of_vector(tip * share(e, edges));
             (*tangent, *director) = (rotation * *tangent, rotation * *director);
         }
     }
@@ -97,7 +97,7 @@ fn bend_shape(shape: &mut Shape, tip: V3) {
     let mut before = shape.nodes[1];
     for e in 1..edges {
         let next = shape.nodes[e + 1];
-        let rotation = Rotation3::new(tip * share(e, edges));
+        let rotation = of_vector(tip * share(e, edges));
         shape.nodes[e + 1] = shape.nodes[e] + rotation * (next - before);
         before = next;
     }

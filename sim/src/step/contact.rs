@@ -14,6 +14,7 @@ use crate::body::shaft::Shaft;
 use crate::contact::broad_phase::BroadPhase;
 use crate::contact::pairs::{self, Lines, Pair};
 use crate::contact::{complementarity, friction};
+use crate::functions::{exp, powi};
 use crate::rod::CLAMPED;
 
 /// Sweeps after which closest points and normals are held, because they may alternate.
@@ -350,10 +351,10 @@ fn twist_compliance<'a>(pair: &Pair, pressing: impl Iterator<Item = &'a Pair> + 
         let [above, below] = [0..edge, edge..rod.edges()].map(|part| rod.rest_length[part].iter().sum());
         let twist = rod.stiffness.twist_nm2;
         let apart = |other: &Pair| edge.abs_diff(other.edges[side]) as f64 * rod.rest_length[0];
-        let neighbours: f64 = pressing.clone().map(|p| (-apart(p) / drag.twist_reach(twist, kappa)).exp()).sum();
+        let neighbours: f64 = pressing.clone().map(|p| exp(-apart(p) / drag.twist_reach(twist, kappa))).sum();
         neighbours * drag.twist_compliance(twist, above, below, kappa)
     };
-    (0.5 * pair.distance).powi(2) * (twist(0) + twist(1))
+    powi(0.5 * pair.distance, 2) * (twist(0) + twist(1))
 }
 
 /// Updates the friction of a pair by the present sliding velocity of its surfaces. `per_newton`: change of that velocity for

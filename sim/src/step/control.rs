@@ -6,6 +6,7 @@ use super::solver::Solver;
 use super::state::State;
 use super::time_step::Attempt;
 use crate::body::shaft::MotorState;
+use crate::functions::powi;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -184,7 +185,7 @@ impl StepControl {
         let now = motors(state.time).map(|m| m.speed);
         let ahead = motors((state.time + longest(now)).min(until)).map(|m| m.speed);
         let faster = [0, 1].map(|k| if ahead[k].abs() > now[k].abs() { ahead[k] } else { now[k] });
-        let wanted = longest(faster) / f64::powi(2.0, self.level as i32);
+        let wanted = longest(faster) / powi(2.0, self.level as i32);
         let left = until - state.time;
         if left <= STRETCH * wanted {
             left

@@ -4,7 +4,7 @@
 //! only, so each pivot must be regular: in [`super::preconditioner`], a pivot belongs to neighbouring nodes.
 
 use crate::linear::invert;
-use pulp::{Arch, Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 use std::ops::Range;
 
 /// Rows and columns of a block: a multiple of every vector width.
@@ -40,18 +40,17 @@ impl Factors {
             matrix[k * padded + k] = 1.0;
         }
         let mut factors = Self { size: padded, values: matrix, pivots: Vec::with_capacity(padded / BLOCK) };
-        Arch::new().dispatch(Factor(&mut factors)).then_some(factors)
+        dispatch(Factor(&mut factors)).then_some(factors)
     }
 
     /// Replaces vectors by the solutions for them. The vectors follow one another, each padded with zeros.
     pub fn solve(&self, vectors: &mut [f32]) {
-        let arch = Arch::new();
         // Several at once hide each other's latency; more than three are too many for the registers.
         for vectors in vectors.chunks_mut(3 * self.size) {
             match vectors.len() / self.size {
-                3 => arch.dispatch(Solve::<3> { factors: self, vectors }),
-                2 => arch.dispatch(Solve::<2> { factors: self, vectors }),
-                _ => arch.dispatch(Solve::<1> { factors: self, vectors }),
+                3 => dispatch(Solve::<3> { factors: self, vectors }),
+                2 => dispatch(Solve::<2> { factors: self, vectors }),
+                _ => dispatch(Solve::<1> { factors: self, vectors }),
             }
         }
     }
@@ -118,7 +117,7 @@ fn divide<S: Simd>(simd: S, columns: &mut [f32], size: usize, from: usize, by: &
         for (p, factors) in by.chunks_exact(BLOCK).enumerate() {
             let mut sums = [simd.splat_f32s(0.0); 2];
             for q in 0..BLOCK {
-                sums[q % 2] = simd.mul_add_e_f32s(row[q], simd.splat_f32s(factors[q]), sums[q % 2]);
+                sums[q % 2] = simd.fused_f32s(row[q], simd.splat_f32s(factors[q]), sums[q % 2]);
             }
             lanes[p * stride + i] = simd.add_f32s(sums[0], sums[1]);
         }
@@ -180,8 +179,8 @@ fn subtract<S: Simd, const K: usize>(
             for k in 0..K {
                 let (mut even, mut odd) = (out[k][i], simd.splat_f32s(0.0));
                 for p in 0..PASS / 2 {
-                    even = simd.mul_add_e_f32s(lanes[2 * p][i], factors[k][2 * p], even);
-                    odd = simd.mul_add_e_f32s(lanes[2 * p + 1][i], factors[k][2 * p + 1], odd);
+                    even = simd.fused_f32s(lanes[2 * p][i], factors[k][2 * p], even);
+                    odd = simd.fused_f32s(lanes[2 * p + 1][i], factors[k][2 * p + 1], odd);
                 }
                 out[k][i] = simd.add_f32s(even, odd);
             }
@@ -192,11 +191,11 @@ fn subtract<S: Simd, const K: usize>(
 /// Compiles the factorisation for the machine's vector instructions.
 struct Factor<'a>(&'a mut Factors);
 
-impl WithSimd for Factor<'_> {
+impl Kernel for Factor<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> bool {
+    fn run<S: Simd>(self, simd: S) -> bool {
         self.0.factor(simd)
     }
 }
@@ -207,11 +206,11 @@ struct Solve<'a, const K: usize> {
     vectors: &'a mut [f32],
 }
 
-impl<const K: usize> WithSimd for Solve<'_, K> {
+impl<const K: usize> Kernel for Solve<'_, K> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         self.factors.substitute::<S, K>(simd, self.vectors);
     }
 }

@@ -6,6 +6,7 @@
 //! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an even grid the
 //! formula becomes BDF3.
 
+use crate::functions::{cos, powi, sin};
 use crate::linear::eliminate;
 
 /// Points a formula can use.
@@ -20,16 +21,16 @@ const SERIES: [f64; 2] = [0.05, 0.1];
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
-    let sine = if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
+    let sine = if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { sin(x) / angle };
     let versine = if x.abs() < SERIES[0] {
         tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0)
     } else {
-        2.0 * (1.0 - x.cos()) / (angle * angle)
+        2.0 * (1.0 - cos(x)) / (angle * angle)
     };
     let cubic = if x.abs() < SERIES[1] {
-        tau.powi(3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - x2.powi(3) / 60480.0)
+        powi(tau, 3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - powi(x2, 3) / 60480.0)
     } else {
-        6.0 * (x - x.sin()) / angle.powi(3)
+        6.0 * (x - sin(x)) / powi(angle, 3)
     };
     match points {
         1 => [1.0, 0.0, 0.0, 0.0],

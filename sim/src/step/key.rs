@@ -2,6 +2,7 @@
 //! grid.
 
 use super::preconditioner::{Equations, Preconditioner};
+use crate::functions::{ln, powi};
 use crate::rod::Rod;
 
 /// Ratio of neighbouring grid values of kappa.
@@ -21,12 +22,12 @@ pub struct Key {
 impl Key {
     /// Returns the key for `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(kappa: f64, speed: f64) -> Self {
-        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
+        let index = (ln(kappa) / ln(KAPPA_GRID)).round() as i32;
         Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
     }
 
     /// Returns the inverse of these equations at its grid values; `None` when the matrix is singular.
     pub fn invert(self, equations: &Equations, rod: &Rod) -> Option<Preconditioner> {
-        equations.invert(rod, KAPPA_GRID.powi(self.kappa), f64::from(self.spin) * SPIN_GRID)
+        equations.invert(rod, powi(KAPPA_GRID, self.kappa), f64::from(self.spin) * SPIN_GRID)
     }
 }

@@ -1,5 +1,6 @@
 //! Lengths and forces for solving and judging contact.
 
+use crate::functions::powi;
 use crate::params::Robot;
 use crate::rod::Rod;
 
@@ -56,7 +57,7 @@ impl Limits {
     /// Returns the limits of a robot. `rod`: either of its rods.
     pub fn new(robot: &Robot, rod: &Rod) -> Self {
         let (radius, tolerance) = (robot.flagellum.rod_radius_m, robot.contact.tolerance_m);
-        let buckling = rod.stiffness.bend_nm2 / robot.flagellum.axial_length_m.powi(2);
+        let buckling = rod.stiffness.bend_nm2 / powi(robot.flagellum.axial_length_m, 2);
         let distance = 2.0 * radius;
         Self {
             enabled: robot.contact.enabled,

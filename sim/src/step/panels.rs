@@ -1,6 +1,6 @@
 //! A fast single-precision product of a dense matrix with one or several vectors.
 
-use pulp::{Arch, Simd, WithSimd};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Rows of a panel: a multiple of every vector width.
 const PANEL: usize = 32;
@@ -32,13 +32,12 @@ impl Panels {
     /// padding: see [`Panels::padded`].
     pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
         let (size, padded) = (self.size, Self::padded(self.size));
-        let arch = Arch::new();
         // The matrix is too large for the nearest cache; sums of more than three vectors are too many for the registers.
         for (vectors, out) in vectors.chunks(3 * size).zip(out.chunks_mut(3 * padded)) {
             match vectors.len() / size {
-                3 => arch.dispatch(Product::<3> { panels: self, vectors, out }),
-                2 => arch.dispatch(Product::<2> { panels: self, vectors, out }),
-                _ => arch.dispatch(Product::<1> { panels: self, vectors, out }),
+                3 => dispatch(Product::<3> { panels: self, vectors, out }),
+                2 => dispatch(Product::<2> { panels: self, vectors, out }),
+                _ => dispatch(Product::<1> { panels: self, vectors, out }),
             }
         }
     }
@@ -56,27 +55,27 @@ struct Product<'a, const K: usize> {
     out: &'a mut [f32],
 }
 
-impl<const K: usize> WithSimd for Product<'_, K> {
+impl<const K: usize> Kernel for Product<'_, K> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(self, simd: S) {
         let size = self.panels.size;
         let registers = PANEL / S::F32_LANES;
         let padded = Panels::padded(size) / S::F32_LANES;
         let out = S::as_mut_simd_f32s(self.out).0;
         let second = if K == 1 { 1 } else { 0 };
         for (p, panel) in self.panels.values.chunks_exact(PANEL * size).enumerate() {
-            // The narrowest vectors have four lanes.
-            let mut sums = [[[simd.splat_f32s(0.0); PANEL / 4]; K]; 2];
+            // As many sums as the narrowest vectors need: of one lane.
+            let mut sums = [[[simd.splat_f32s(0.0); PANEL]; K]; 2];
             let mut pairs = S::as_simd_f32s(panel).0.chunks_exact(2 * registers);
             for (c, pair) in pairs.by_ref().enumerate() {
                 for k in 0..K {
                     let x = &self.vectors[k * size + 2 * c..][..2];
                     let (x0, x1) = (simd.splat_f32s(x[0]), simd.splat_f32s(x[1]));
                     for v in 0..registers {
-                        sums[0][k][v] = simd.mul_add_e_f32s(pair[v], x0, sums[0][k][v]);
-                        sums[second][k][v] = simd.mul_add_e_f32s(pair[registers + v], x1, sums[second][k][v]);
+                        sums[0][k][v] = simd.fused_f32s(pair[v], x0, sums[0][k][v]);
+                        sums[second][k][v] = simd.fused_f32s(pair[registers + v], x1, sums[second][k][v]);
                     }
                 }
             }
@@ -85,7 +84,7 @@ impl<const K: usize> WithSimd for Product<'_, K> {
                 for k in 0..K {
                     let x = simd.splat_f32s(self.vectors[k * size + size - 1]);
                     for v in 0..registers {
-                        sums[0][k][v] = simd.mul_add_e_f32s(last[v], x, sums[0][k][v]);
+                        sums[0][k][v] = simd.fused_f32s(last[v], x, sums[0][k][v]);
                     }
                 }
             }

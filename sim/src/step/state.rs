@@ -5,7 +5,7 @@
 //! function of the parameters.
 
 use crate::V3;
-use crate::body::attitude::{euler_zyx, unwrap};
+use crate::body::attitude::{euler_zyx, of_vector, unwrap};
 use crate::body::{Body, shaft::MotorState};
 use crate::contact::pairs::Pair;
 use crate::rod::{CLAMPED, Rod, frames::ReferenceFrames};
@@ -111,7 +111,7 @@ impl State {
     /// continue smoothly. Only quantities that depend on the vertical change: weight, righting moment and the twist of
     /// the tether.
     pub fn turn(&mut self, rotation: V3) {
-        let turn = UnitQuaternion::from_scaled_axis(rotation);
+        let turn = of_vector(rotation);
         for past in &mut self.past {
             past.attitude = turn * past.attitude;
         }

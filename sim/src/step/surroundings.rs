@@ -17,6 +17,7 @@ use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::head::RigidSurface;
 use crate::fluid::tank::TankFlow;
 use crate::fluid::{Line, stokeslet_factor};
+use crate::functions::powi;
 use crate::linear::multiply;
 use crate::params::Robot;
 use nalgebra::Matrix3;
@@ -228,7 +229,7 @@ impl HeadFlow {
         }
         let (mut change, mut size) = (0.0, f64::MIN_POSITIVE);
         for (new, old) in self.forces.iter().zip(&self.before) {
-            change += (new - old).powi(2);
+            change += powi(new - old, 2);
             size += new * new;
         }
         (change / size).sqrt()

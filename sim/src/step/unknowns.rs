@@ -8,6 +8,7 @@ use super::flagellum::Flagellum;
 use super::model::Model;
 use crate::V3;
 use crate::contact::pairs::Pair;
+use crate::functions::positive_part;
 use crate::rod::CLAMPED;
 
 /// Displacement equivalent to an edge's angle of one radian, in radii of the helix.
@@ -75,6 +76,6 @@ pub fn unpack(values: &[f64], two_way: bool, flagella: &mut [Flagellum; 2], body
         body.set_rate(rate);
     }
     for pair in pairs {
-        pair.force = next().max(0.0);
+        pair.force = positive_part(next());
     }
 }

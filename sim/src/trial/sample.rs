@@ -4,7 +4,7 @@
 //! formulas' own basis, exact for {1, t, cos wt, sin wt} with the speed w of the motor that drives them.
 
 use crate::V3;
-use crate::body::attitude::{euler_zyx, rotated, rotation_between, unwrap};
+use crate::body::attitude::{euler_zyx, of_vector, rotated, rotation_between, unwrap};
 use crate::body::shaft::{MotorState, Shaft};
 use crate::contact::bundling::Bundling;
 use crate::step::formula::{POINTS, value_at};
@@ -134,7 +134,7 @@ impl DenseOutput {
 
     /// Turns the robot in all steps by a rotation vector in world axes, rad.
     pub fn turn(&mut self, rotation: V3) {
-        let turn = UnitQuaternion::from_scaled_axis(rotation);
+        let turn = of_vector(rotation);
         for record in &mut self.records {
             record.attitude = turn * record.attitude;
             record.yaw = unwrap(euler_zyx(&record.attitude)[0], record.yaw + rotation.z);

@@ -2,6 +2,7 @@
 
 use super::{Level, NO_THRUST, Steady};
 use crate::V3;
+use crate::functions::hypot;
 use std::f64::consts::PI;
 
 /// Standard errors that belong to each other.
@@ -33,7 +34,7 @@ impl Steady {
     /// Adds to the standard errors what the stretch cannot show of flagella that mesh.
     pub(super) fn add_errors_of_meshing(&mut self) {
         let share = MESHING_S / self.window_s;
-        self.change_errors(&Errors { angle: MESHING.angle * share, force: MESHING.force * share }, f64::hypot);
+        self.change_errors(&Errors { angle: MESHING.angle * share, force: MESHING.force * share }, hypot);
     }
 
     fn change_errors(&mut self, errors: &Errors, change: fn(f64, f64) -> f64) {

@@ -25,6 +25,7 @@
 
 use super::CHANNELS;
 use super::ratio::{self, SLOWEST_BEAT};
+use crate::functions::{exp, ln, powi, sin, sin_cos};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -93,7 +94,7 @@ pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANN
     let others = of(&with_beat);
     Some(std::array::from_fn(|k| {
         let (mean, other) = (means[k], others[k]);
-        let squares = mean.standard_error.powi(2) + other.standard_error.powi(2) + (other.mean - mean.mean).powi(2);
+        let squares = powi(mean.standard_error, 2) + powi(other.standard_error, 2) + powi(other.mean - mean.mean, 2);
         Mean { standard_error: squares.sqrt(), ..mean }
     }))
 }
@@ -186,7 +187,7 @@ impl Problem {
     fn new(cells: &[Cell], cell: f64, terms: &Terms, start: f64, length: f64) -> Self {
         let Terms { frequencies, columns: orders } = terms;
         let harmonics = 1 + 2 * frequencies.len();
-        let taus: [f64; APPROACHES] = std::array::from_fn(|j| length * FASTEST * RATIO.powi(j as i32));
+        let taus: [f64; APPROACHES] = std::array::from_fn(|j| length * FASTEST * powi(RATIO, j as i32));
         let mut columns = DMatrix::zeros(cells.len(), harmonics + APPROACHES);
         for (i, c) in cells.iter().enumerate() {
             let t = c.time - start;
@@ -194,13 +195,13 @@ impl Problem {
             for (j, w) in frequencies.iter().enumerate() {
                 // The mean of the term over the cell.
                 let half = 0.5 * w * cell;
-                let share = half.sin() / half;
-                let (sine, cosine) = (w * t).sin_cos();
+                let share = sin(half) / half;
+                let (sine, cosine) = sin_cos(w * t);
                 columns[(i, 1 + 2 * j)] = share * cosine;
                 columns[(i, 2 + 2 * j)] = share * sine;
             }
             for (j, tau) in taus.iter().enumerate() {
-                columns[(i, harmonics + j)] = (-t / tau).exp();
+                columns[(i, harmonics + j)] = exp(-t / tau);
             }
         }
         let centre = std::array::from_fn(|k| cells.iter().map(|c| c.values[k]).sum::<f64>() / cells.len() as f64);
@@ -209,7 +210,7 @@ impl Problem {
         let (normal, products) = (&across * &columns, &across * &values);
         let orders = orders.iter().map_while(|count| Order::new(&normal, &products, *count, harmonics)).collect();
         let squares = std::array::from_fn(|k| values.column(k).norm_squared());
-        let at_end = taus.map(|tau| (-(length - 0.5 * cell) / tau).exp());
+        let at_end = taus.map(|tau| exp(-(length - 0.5 * cell) / tau));
         Self { columns, values, centre, squares, orders, harmonics, at_end, normal }
     }
 
@@ -232,9 +233,9 @@ impl Problem {
             let explained = order.values.column(k).norm_squared()
                 + approach.map(|(i, j)| coefficients[(i, k)] * order.products[(*j, k)]).sum::<f64>();
             let left = (self.squares[k] - explained).max(0.0) / self.squares[k] + ROUNDING;
-            sum += data * left.ln() + count as f64 * data.ln();
+            sum += data * ln(left) + count as f64 * ln(data);
         }
-        Some(sum + choice.approaches.len() as f64 * data.ln())
+        Some(sum + choice.approaches.len() as f64 * ln(data))
     }
 
     /// Returns the choices that count, with their weights.
@@ -254,7 +255,7 @@ impl Problem {
         let judged: Vec<(f64, Choice)> =
             all.filter_map(|choice| Some((self.criterion(&choice, data)?, choice))).collect();
         let best = judged.iter().map(|(value, _)| *value).fold(f64::INFINITY, f64::min);
-        let weighted = judged.into_iter().map(|(value, choice)| ((0.5 * (best - value)).exp(), choice));
+        let weighted = judged.into_iter().map(|(value, choice)| (exp(0.5 * (best - value)), choice));
         weighted.filter(|(weight, _)| *weight > NEGLIGIBLE).collect()
     }
 
@@ -269,8 +270,8 @@ impl Problem {
             };
             let mean = of(&|m| m.mean);
             let to_come = of(&|m| m.to_come);
-            let spread = of(&|m| m.standard_error.powi(2) + (m.mean - mean).powi(2));
-            let standard_error = (spread + (EXTRAPOLATED * to_come).powi(2)).sqrt();
+            let spread = of(&|m| powi(m.standard_error, 2) + powi(m.mean - mean, 2));
+            let standard_error = (spread + powi(EXTRAPOLATED * to_come, 2)).sqrt();
             Mean { mean, standard_error, to_come }
         })
     }
