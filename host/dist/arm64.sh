@@ -1,6 +1,7 @@
 #!/bin/sh
-# Builds biflag and vnano for arm64, and runs a trial in the model under QEMU. After `make build`, whose firmware image biflag
-# contains. No recording: QEMU 7.2 lacks the ioctl TCGETS2, with which serial ports and pseudo-terminals are set up.
+# Builds biflag and vnano for arm64, runs a trial in the model under QEMU, and checks that results have the same bits as on other
+# processors. After `make build`, whose firmware image biflag contains. No recording: QEMU 7.2 lacks the ioctl TCGETS2, with
+# which serial ports and pseudo-terminals are set up.
 set -eu
 cd "$(dirname "$0")/../.."
 target=aarch64-unknown-linux-gnu
@@ -16,6 +17,9 @@ else
 fi
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
 $cargo build --release --locked -p host -p virtual-nano --bins --target $target
+
+CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER=qemu-aarch64-static \
+    $cargo test --release --locked -p sim --lib --target $target same_bits
 
 scratch=$(mktemp -d)
 trap 'rm -r "$scratch"' EXIT

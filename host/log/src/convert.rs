@@ -6,6 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{SensorCounts, TemperatureCounts};
 use protocol::{Calibration, Command, Fault, Reply, Request, Settings, State, Telemetry};
+use sim::body::attitude::euler_zyx;
 use std::time::SystemTime;
 
 /// A command that was sent, and its reply.
@@ -54,7 +55,7 @@ impl Converter {
         let force = accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts)));
         let [w, x, y, z] = frame.attitude.to_f64();
         let attitude = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-        let (roll, pitch, yaw) = attitude.euler_angles();
+        let [yaw, pitch, roll] = euler_zyx(&attitude);
         let yaw_deg = yaw.to_degrees();
         self.yaw_deg = yaw_deg + 360.0 * ((self.yaw_deg - yaw_deg) / 360.0).round();
         let [motor1, motor2] = [0, 1].map(|i| self.motor(frame, i));

@@ -110,7 +110,7 @@ fn warnings(folder: &Folder, merged: &Merged) -> Vec<String> {
     }
     if *different > 0 {
         warnings.push(format!(
-            "{folder}: {different} points were computed twice with different results, as on different processors: one is kept"
+            "{folder}: {different} points were computed twice with different results, which is an error: one is kept"
         ));
     }
     warnings

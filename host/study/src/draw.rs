@@ -6,6 +6,7 @@ use biflag_log::schema::foxglove::{
 };
 use nalgebra::UnitQuaternion;
 use prost_types::Timestamp;
+use sim::functions::sin_cos;
 use sim::params::{Head, Robot};
 
 /// Name of the body's frame in `/attitude`.
@@ -101,7 +102,7 @@ impl Drawing {
     /// Returns the message for `/flagella` with undeformed flagella, turned by these angles, rad.
     pub fn rigid(&self, log_time_ns: u64, angles: [f64; 2]) -> SceneUpdate {
         let pose = |flagellum: usize| {
-            let (z, w) = (0.5 * angles[flagellum]).sin_cos();
+            let (z, w) = sin_cos(0.5 * angles[flagellum]);
             Pose { position: Some(self.feet[flagellum]), orientation: Some(Quaternion { x: 0.0, y: 0.0, z, w }) }
         };
         self.scene(log_time_ns, &self.rest, &[pose(0), pose(1)])

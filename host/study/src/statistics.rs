@@ -2,6 +2,7 @@
 
 use libm::lgamma;
 use nalgebra::DMatrix;
+use sim::functions::{exp, ln, ln_1p};
 
 /// Degrees of freedom above which a distribution equals its limit for infinitely many.
 const MANY: f64 = 1e6;
@@ -23,9 +24,9 @@ pub fn variance_ratio(probability: f64, degrees_of_freedom: f64, known_with: f64
     let (mut low, mut high) = (-60.0_f64, 60.0_f64);
     while high - low > 1e-12 {
         let middle = 0.5 * (low + high);
-        if below(middle.exp()) < probability { low = middle } else { high = middle }
+        if below(exp(middle)) < probability { low = middle } else { high = middle }
     }
-    (0.5 * (low + high)).exp()
+    exp(0.5 * (low + high))
 }
 
 /// Returns the regularised incomplete beta function by its continued fraction (Abramowitz and Stegun 26.5.8), evaluated from
@@ -41,7 +42,7 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - incomplete_beta(1.0 - x, b, a);
     }
-    let front = (lgamma(a + b) - lgamma(a) - lgamma(b) + a * x.ln() + b * (-x).ln_1p()).exp() / a;
+    let front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * ln(x) + b * ln_1p(-x)) / a;
     let away_from_zero = |value: f64| if value.abs() < TINY { TINY } else { value };
     let (mut fraction, mut c, mut d) = (1.0, 1.0, 0.0);
     for i in 0..MOST_TERMS {

@@ -88,8 +88,7 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     let mut warnings: Vec<_> = merged.damaged.iter().filter(|_| !is_whole).map(|part| damaged(part)).collect();
     if merged.different > 0 {
         let points = count(merged.different as usize, "point");
-        warnings
-            .push(format!("{points} computed twice with different results, as on different processors: one is kept"));
+        warnings.push(format!("{points} computed twice with different results, which is an error: one is kept"));
     }
     let swept = Swept {
         table: Some(shown(&sweep::parquet_path(path))),

@@ -11,6 +11,7 @@ use super::quantity::Attitude;
 use super::target::{Target, largest};
 use nalgebra::{DMatrix, DVector};
 use protocol::units::CentiRpm;
+use sim::functions::powi;
 
 /// Largest step of a speed at first, rpm.
 const FIRST_STEP: f64 = 20.0;
@@ -136,7 +137,7 @@ fn bounds(rpm: [f64; 2], longest: f64) -> [[f64; 2]; 2] {
 fn step(derivatives: &DMatrix<f64>, misses: &DVector<f64>, bounds: [[f64; 2]; 2]) -> [f64; 2] {
     let columns = [0, 1].map(|k| derivatives.column(k).into_owned());
     let product = |a: usize, b: usize| columns[a].dot(&columns[b]);
-    let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
+    let determinant = product(0, 0) * product(1, 1) - powi(product(0, 1), 2);
     let right = [columns[0].dot(misses), columns[1].dot(misses)];
     let free = [
         (product(1, 1) * right[0] - product(0, 1) * right[1]) / determinant,

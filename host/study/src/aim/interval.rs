@@ -18,6 +18,7 @@ use crate::plan::Fit;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::functions::{cos, hypot, powi, sin};
 use sim::params::Robot;
 use std::f64::consts::TAU;
 
@@ -79,7 +80,7 @@ impl Interval {
         let trial = trial.angles_deg();
         let [yaw_ci_deg, pitch_ci_deg, roll_ci_deg] = [0, 1, 2].map(|i| {
             let [_, half] = spread[i];
-            let beside = half.hypot(SOLVER_DEG).hypot(unknown.model_error_deg.map_or(0.0, |error| error[i]));
+            let beside = hypot(hypot(half, SOLVER_DEG), unknown.model_error_deg.map_or(0.0, |error| error[i]));
             Some([ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside])
         });
         Ok(Self {
@@ -124,7 +125,7 @@ fn range(samples: &[f64]) -> [f64; 2] {
         let terms = samples.iter().enumerate().map(|(i, value)| value * of(TAU * i as f64 / count));
         2.0 / count * terms.sum::<f64>()
     };
-    let amplitude = part(f64::cos).hypot(part(f64::sin));
+    let amplitude = hypot(part(cos), part(sin));
     [low.min(mean - amplitude), high.max(mean + amplitude)]
 }
 
@@ -163,7 +164,7 @@ fn propagated(fit: &Fit, changes: &[Change], slopes: &[f64]) -> [f64; 2] {
     };
     let (all, scatter) = (variance(&fit.covariance), variance(&fit.scatter_covariance));
     let degrees_of_freedom =
-        if scatter > 0.0 { fit.degrees_of_freedom * (all / scatter).powi(2) } else { f64::INFINITY };
+        if scatter > 0.0 { fit.degrees_of_freedom * powi(all / scatter, 2) } else { f64::INFINITY };
     [all.sqrt(), student_95(degrees_of_freedom) * all.sqrt()]
 }
 

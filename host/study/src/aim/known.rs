@@ -5,6 +5,7 @@ use crate::twin::calibrate::MAX_FACTOR;
 use serde::Serialize;
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
+use sim::functions::powi;
 use sim::params::Robot;
 
 /// The confidence of the intervals, if it can be stated.
@@ -80,7 +81,7 @@ fn doubts(robot: &Robot, fit: &Fit) -> Vec<Doubt> {
     // The angles of the flagella are not needed: the intervals hold for all angles.
     let is_unknown = |parameter: &&FittedParameter| {
         let [low, high] = parameter.interval_95;
-        parameter.unit != "deg" && !(low > 0.0 && high / low < MAX_FACTOR.powi(2))
+        parameter.unit != "deg" && !(low > 0.0 && high / low < powi(MAX_FACTOR, 2))
     };
     let unknown: Vec<_> = fit.parameters.iter().filter(is_unknown).map(|parameter| parameter.name.as_str()).collect();
     if !unknown.is_empty() {

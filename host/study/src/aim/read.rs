@@ -4,6 +4,7 @@ use super::error::AimError;
 use super::quantity::Attitude;
 use super::table::{Row, Table};
 use crate::{export, sweep};
+use sim::functions::{ln, powi};
 use sim::params::Robot;
 use std::path::Path;
 
@@ -65,7 +66,7 @@ fn rows(columns: &Columns, robot: &Robot) -> Result<Vec<Row>, String> {
         .filter_map(|(name, .., value)| Some((column(name)?, value(robot))))
         .collect();
     let unlike = |i: usize| -> f64 {
-        let ratios = robots.iter().map(|(values, own)| (values[i] / own).ln().powi(2));
+        let ratios = robots.iter().map(|(values, own)| powi(ln(values[i] / own), 2));
         ratios.filter(|square| square.is_finite()).sum()
     };
     let whole = (0..needed[0].len()).filter(|i| needed.iter().all(|values| values[*i].is_finite()));

@@ -7,6 +7,7 @@ use super::error::AimError;
 use super::quantity::Attitude;
 use super::target::Target;
 use nalgebra::{DMatrix, SMatrix, SVector};
+use sim::functions::{exp, hypot, powi};
 
 /// Terms of a quadratic polynomial of two variables.
 const TERMS: usize = 6;
@@ -119,7 +120,7 @@ impl Table {
     fn next_to(&self, rpm: [f64; 2], count: usize) -> Vec<(f64, usize)> {
         let count = count.min(self.rows.len());
         let mut all: Vec<(f64, usize)> =
-            self.rows.iter().enumerate().map(|(i, row)| (distance(row.rpm, rpm).powi(2), i)).collect();
+            self.rows.iter().enumerate().map(|(i, row)| (powi(distance(row.rpm, rpm), 2), i)).collect();
         all.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0));
         all.truncate(count);
         all
@@ -134,7 +135,7 @@ impl Table {
         let mut right = DMatrix::zeros(near.len(), 4);
         for (i, (square, row)) in near.into_iter().enumerate() {
             let Row { rpm, attitude, .. } = &self.rows[row];
-            let weight = (-2.0 * square / (reach * reach)).exp();
+            let weight = exp(-2.0 * square / (reach * reach));
             left.row_mut(i).copy_from(&(local.powers(*rpm).transpose() * weight));
             let Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n } = *attitude;
             for (j, value) in [yaw_deg, pitch_deg, roll_deg, thrust_n].into_iter().enumerate() {
@@ -143,9 +144,13 @@ impl Table {
         }
         // Rows on one or two lines do not determine all terms. The minimum-norm solution sets the undetermined part to
         // zero.
-        if let Ok(solution) = left.svd(true, true).solve(&right, 1e-6) {
-            local.terms.copy_from(&solution);
+        let across = left.transpose();
+        let axes = (&across * left).symmetric_eigen();
+        let mut along = axes.eigenvectors.transpose() * (across * right);
+        for (mut terms, square) in along.row_iter_mut().zip(&axes.eigenvalues) {
+            terms *= if *square > 1e-12 { 1.0 / square } else { 0.0 };
         }
+        local.terms.copy_from(&(axes.eigenvectors * along));
         local
     }
 }
@@ -189,5 +194,5 @@ impl Local {
 
 /// Returns the distance of two pairs of speeds, rpm.
 pub fn distance(one: [f64; 2], other: [f64; 2]) -> f64 {
-    (one[0] - other[0]).hypot(one[1] - other[1])
+    hypot(one[0] - other[0], one[1] - other[1])
 }

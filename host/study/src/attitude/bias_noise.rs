@@ -5,6 +5,7 @@
 //! (IEEE Std 952-2020, annex C). A sum of first-order Gauss-Markov processes has this density between the frequencies
 //! of the slowest and the fastest one, if successive time constants have the ratio r and each variance is B² ln r/π.
 
+use sim::functions::{exp, ln, powi};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -31,9 +32,9 @@ impl BiasNoise {
     /// Returns the walk's part of the covariance.
     pub(super) fn of_walk(self, one: &Range<f64>, other: &Range<f64>, from_s: f64) -> f64 {
         // The earlier of two times is half their sum minus half their distance; |x|³/6 is the second integral of |x|.
-        let apart = mean(one, other, |x| x.abs().powi(3) / 6.0);
+        let apart = mean(one, other, |x| powi(x.abs(), 3) / 6.0);
         let middle = |range: &Range<f64>| 0.5 * (range.start + range.end) - from_s;
-        0.5 * self.walk_dps_per_root_s.powi(2) * (middle(one) + middle(other) - apart)
+        0.5 * powi(self.walk_dps_per_root_s, 2) * (middle(one) + middle(other) - apart)
     }
 
     /// Returns the flicker's part, which depends only on the time between the stretches.
@@ -42,8 +43,8 @@ impl BiasNoise {
             return 0.0;
         }
         // The second integral of exp(-|x|/τ).
-        let of_process = |tau: f64| mean(one, other, |x| tau * tau * ((-x.abs() / tau).exp() + x.abs() / tau));
-        let variance = self.instability_dps.powi(2) * RATIO.ln() / PI;
+        let of_process = |tau: f64| mean(one, other, |x| tau * tau * (exp(-x.abs() / tau) + x.abs() / tau));
+        let variance = powi(self.instability_dps, 2) * ln(RATIO) / PI;
         variance * TIME_CONSTANTS_S.map(of_process).iter().sum::<f64>()
     }
 

@@ -9,6 +9,7 @@ use super::Track;
 use super::rest::{BLOCK_S, MOST_BLOCKS, QUIET, SLOWEST, blocks};
 use super::returns::FAST_S;
 use nalgebra::{Matrix3, Vector3};
+use sim::functions::{exp, powi};
 use std::ops::Range;
 
 /// Time after the run until the motors have stopped and all motions but two have ended, s.
@@ -56,7 +57,7 @@ impl Decay {
 
     /// Returns the variance of the mean rate over a block, (°/s)².
     pub fn variance(&self, block: &Range<f64>, rate: f64) -> f64 {
-        self.walk.powi(2) / (block.end - block.start) + (self.shape * (rate - self.bias)).powi(2)
+        powi(self.walk, 2) / (block.end - block.start) + powi(self.shape * (rate - self.bias), 2)
     }
 
     /// Returns whether two exponentials describe the part within the noise and the error of its shape.
@@ -66,7 +67,7 @@ impl Decay {
         let slow = std::iter::successors(Some(STEP * FAST_S[FAST_S.len() - 1]), |tau| Some(STEP * tau));
         let pairs = slow.take_while(|tau| *tau < SLOWEST * length).flat_map(|slow| FAST_S.map(|fast| [slow, fast]));
         let squares = pairs.filter_map(|pair| self.squares(&blocks, pair)).min_by(f64::total_cmp)?;
-        Some(squares < QUIET.powi(2) * (blocks.len() as f64 - PARAMETERS))
+        Some(squares < powi(QUIET, 2) * (blocks.len() as f64 - PARAMETERS))
     }
 
     /// Returns the minimum sum of squared residuals about exponentials of these time constants, s, each relative to its
@@ -76,7 +77,7 @@ impl Decay {
         let (mut normal, mut right, mut total) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
         for (block, rate) in blocks {
             let passed = block.start - self.range.start;
-            let row = Vector3::new(1.0, (-passed / slow).exp(), (-passed / fast).exp());
+            let row = Vector3::new(1.0, exp(-passed / slow), exp(-passed / fast));
             let weight = 1.0 / self.variance(block, *rate);
             let moved = rate - self.bias;
             normal += weight * row * row.transpose();

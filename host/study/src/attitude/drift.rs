@@ -23,6 +23,7 @@ use super::returns::Motions;
 use super::smoother::{Rotation, Target, rotation};
 use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
+use sim::functions::{cos, powi, sin};
 use std::ops::Range;
 
 /// Interval of the grid of times, s, and the largest number of intervals.
@@ -126,7 +127,7 @@ impl Drift {
         let weights = verticals(series, &times, step.max(GRID_S));
         let target =
             |axis: usize| Target { times: &times, weights: &weights[axis], from_s, bias_noise: rest.bias_noise[axis] };
-        let variance = angle_walk.powi(2);
+        let variance = powi(angle_walk, 2);
         let decay = Decay::find(yaw, &rest.after, after, yaw.rate(before.clone())?, angle_walk);
         let stretches = |range: &Range<f64>| {
             let stretch = |(range, rate): (Range<f64>, f64)| Stretch {
@@ -174,7 +175,7 @@ impl Drift {
 
     /// Returns the variance of the yaw at a time due to the gyroscope's white noise, degrees².
     pub fn noise_variance(&self, time_s: f64) -> f64 {
-        self.angle_walk.powi(2) * (time_s - self.from_s).abs()
+        powi(self.angle_walk, 2) * (time_s - self.from_s).abs()
     }
 
     /// Returns the variance of the drift at a time, degrees²; `None` if the biases about x and y are unknown.
@@ -185,7 +186,7 @@ impl Drift {
     /// Returns the covariance of the yaw between times after the reference time due to drift and noise, degrees²; `None`
     /// if the biases about x and y are unknown.
     pub fn covariance(&self, times: &[f64]) -> Option<DMatrix<f64>> {
-        let walk = self.angle_walk.powi(2);
+        let walk = powi(self.angle_walk, 2);
         self.knows_lateral.then(|| {
             DMatrix::from_fn(times.len(), times.len(), |i, j| {
                 let common = (times[i].min(times[j]) - self.from_s).max(0.0);
@@ -225,7 +226,7 @@ fn verticals(series: &Series, times: &[f64], around_s: f64) -> [Vec<f64>; 3] {
     let mut parts: [Vec<f64>; 3] = Default::default();
     for &time in times {
         let [pitch, roll] = [series.pitch(), series.roll()].map(|track| mean(track, time).to_radians());
-        let up = [-pitch.sin(), pitch.cos() * roll.sin(), pitch.cos() * roll.cos()];
+        let up = [-sin(pitch), cos(pitch) * sin(roll), cos(pitch) * cos(roll)];
         parts.iter_mut().zip(up).for_each(|(part, value)| part.push(value));
     }
     parts
@@ -249,7 +250,7 @@ fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], varianc
             let rates = series.lateral_bias(range.clone())?;
             let length = range.end - range.start;
             let of_turning = ASKEW * series.yaw().rate(range.clone()).unwrap_or_default();
-            Some(both(range, rates, TILT_NOISE * variance / length + of_turning.powi(2)))
+            Some(both(range, rates, TILT_NOISE * variance / length + powi(of_turning, 2)))
         })
         .collect();
     if shown.is_empty() && rest.calibrate_s > 0.0 && !series.learns_bias() {

@@ -14,6 +14,8 @@
 //! where c is the levelling rotation and dc its increments in the filter: 0.5° for a bias of 70 mg and a turn of 186°.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use sim::body::attitude::{aligning, of_vector, vector_of};
+use sim::functions::{asin, atan2, exp};
 use std::collections::VecDeque;
 
 /// Largest tilt due to a bias. A larger tilt means that the mounting is wrong in the settings, or the robot not
@@ -36,7 +38,7 @@ pub struct Level {
 impl Level {
     /// Returns the angle between the accelerometer's vertical and the robot's axis, degrees.
     pub fn tilt_deg(&self) -> f64 {
-        self.up.xy().norm().atan2(self.up.z).to_degrees()
+        atan2(self.up.xy().norm(), self.up.z).to_degrees()
     }
 
     /// Returns whether the tilt is small enough to be a bias.
@@ -47,7 +49,7 @@ impl Level {
     /// Returns pitch and roll that the bias adds to the attitude at rest, degrees.
     pub fn angles_deg(&self) -> [f64; 2] {
         let [x, y, z] = self.up.into();
-        [-x.clamp(-1.0, 1.0).asin().to_degrees(), y.atan2(z).to_degrees()]
+        [-asin(x.clamp(-1.0, 1.0)).to_degrees(), atan2(y, z).to_degrees()]
     }
 
     /// Returns the bias of the accelerometer, g, body axes.
@@ -78,7 +80,7 @@ fn correction(attitude: UnitQuaternion<f64>, bias: Vector3<f64>) -> UnitQuaterni
     let along = seen.dot(&bias);
     let length = along + (along * along - bias.norm_squared() + 1.0).max(0.0).sqrt();
     let up = attitude * (seen * length - bias);
-    UnitQuaternion::rotation_between(&up, &Vector3::z()).unwrap_or_default()
+    aligning(up, Vector3::z()).unwrap_or_default()
 }
 
 /// Levels the attitudes of a moving robot in order of time.
@@ -104,14 +106,14 @@ impl Leveller {
     pub fn levelled(&mut self, attitude: UnitQuaternion<f64>, time_s: f64) -> UnitQuaternion<f64> {
         let now = attitude * self.bias;
         let bias = match self.filtered_bias {
-            Some((before_s, bias)) => bias + (now - bias) * (1.0 - (-self.gain * (time_s - before_s).max(0.0)).exp()),
+            Some((before_s, bias)) => bias + (now - bias) * (1.0 - exp(-self.gain * (time_s - before_s).max(0.0))),
             None => now,
         };
         self.filtered_bias = Some((time_s, bias));
         let correction = correction(attitude, attitude.inverse() * bias);
-        let moved = correction.scaled_axis();
+        let moved = vector_of(&correction);
         self.area += self.last.replace(moved).map_or(0.0, |last| 0.5 * last.cross(&moved).z);
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.area) * correction * attitude
+        of_vector(Vector3::z() * self.area) * correction * attitude
     }
 }
 

@@ -20,7 +20,7 @@ pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
 pub(crate) use rest::ANGLE_WALK;
 pub use series::Series;
-pub use sim::body::attitude::tilt_deg;
+pub use sim::body::attitude::{euler_zyx, tilt_deg};
 pub use smoother::WARMING_DPS_PER_C;
 pub use still::{Motion, STILL_TILT_DPS, STILL_YAW_DPS, Still};
 pub use student::student_95;
@@ -60,7 +60,7 @@ pub struct Euler {
 impl Euler {
     /// Returns the angles of an attitude, with yaw within ±180°.
     pub fn of(attitude: &UnitQuaternion<f64>) -> Self {
-        let (roll, pitch, yaw) = attitude.euler_angles();
+        let [yaw, pitch, roll] = euler_zyx(attitude);
         Self { yaw_deg: yaw.to_degrees(), pitch_deg: pitch.to_degrees(), roll_deg: roll.to_degrees() }
     }
 }

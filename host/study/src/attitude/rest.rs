@@ -8,6 +8,7 @@
 use super::Track;
 use crate::statistics::variance_ratio;
 use nalgebra::{Matrix2, Vector2};
+use sim::functions::{exp, ln, powi};
 use std::ops::Range;
 
 /// Length of the blocks, s.
@@ -67,7 +68,7 @@ impl Noise {
 
     /// Returns whether the rates scatter by more than this angle random walk explains in 99 of 100 phases.
     pub fn exceeds(&self, (known, known_with): (f64, f64)) -> bool {
-        self.each().any(|(walk, freedom)| (walk / known).powi(2) > variance_ratio(0.99, freedom, known_with))
+        self.each().any(|(walk, freedom)| powi(walk / known, 2) > variance_ratio(0.99, freedom, known_with))
     }
 
     /// Returns the angle random walk from the scatter at each block length, and its degrees of freedom.
@@ -143,30 +144,29 @@ fn scatter(yaw: Track, range: &Range<f64>, block_s: f64) -> Option<Scatter> {
 fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option<f64> {
     const TRIED: u32 = 16;
     const REFINED: u32 = 24;
-    let step = (fast / slow).ln() / f64::from(TRIED);
-    let tried = (0..=TRIED).map(|i| slow * (step * f64::from(i)).exp());
+    let step = ln(fast / slow) / f64::from(TRIED);
+    let tried = (0..=TRIED).map(|i| slow * exp(step * f64::from(i)));
     let of = |passed: f64| squares(blocks, passed).unwrap_or(f64::INFINITY);
     let best = tried.min_by(|a, b| of(*a).total_cmp(&of(*b)))?;
     // Ternary search between the neighbours of the best decay.
-    let (mut low, mut high) = ((best.ln() - step).max(slow.ln()), (best.ln() + step).min(fast.ln()));
+    let (mut low, mut high) = ((ln(best) - step).max(ln(slow)), (ln(best) + step).min(ln(fast)));
     for _ in 0..REFINED {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if of(a.exp()) < of(b.exp()) { high = b } else { low = a }
+        if of(exp(a)) < of(exp(b)) { high = b } else { low = a }
     }
-    Some(of(best).min(of((0.5 * (low + high)).exp()))).filter(|squares| squares.is_finite())
+    Some(of(best).min(of(exp(0.5 * (low + high))))).filter(|squares| squares.is_finite())
 }
 
 /// Returns the sum of the squared residuals for a decay by `passed` time constants per block.
 fn squares(blocks: &[(Range<f64>, f64)], passed: f64) -> Option<f64> {
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
     for (i, (_, rate)) in blocks.iter().enumerate() {
-        let row = Vector2::new(1.0, (-passed * i as f64).exp());
+        let row = Vector2::new(1.0, exp(-passed * i as f64));
         normal += row * row.transpose();
         right += row * *rate;
     }
     let solution = normal.try_inverse()? * right;
-    let left = |(i, (_, rate)): (usize, &(Range<f64>, f64))| {
-        (rate - solution.x - solution.y * (-passed * i as f64).exp()).powi(2)
-    };
+    let left =
+        |(i, (_, rate)): (usize, &(Range<f64>, f64))| powi(rate - solution.x - solution.y * exp(-passed * i as f64), 2);
     Some(blocks.iter().enumerate().map(left).sum())
 }

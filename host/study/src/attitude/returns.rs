@@ -19,6 +19,7 @@
 use super::rest::Stretch;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector3};
+use sim::functions::{exp, ln};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -74,10 +75,10 @@ impl Motions {
     /// Returns the prior density of the logarithm of a time constant, not normalised: uniform, or mostly near the
     /// robot's value.
     fn density(&self, tau: f64) -> f64 {
-        let even = 1.0 / (TIME_CONSTANTS_S[TIME_CONSTANTS_S.len() - 1] / TIME_CONSTANTS_S[0]).ln();
+        let even = 1.0 / ln(TIME_CONSTANTS_S[TIME_CONSTANTS_S.len() - 1] / TIME_CONSTANTS_S[0]);
         let near = |robot_s: f64| {
-            let off = (tau / robot_s).ln() / ROBOT_WITHIN;
-            (-0.5 * off * off).exp() / (ROBOT_WITHIN * TAU.sqrt())
+            let off = ln(tau / robot_s) / ROBOT_WITHIN;
+            exp(-0.5 * off * off) / (ROBOT_WITHIN * TAU.sqrt())
         };
         self.time_constant_s.map_or(even, |robot_s| OTHER_ROBOT * even + (1.0 - OTHER_ROBOT) * near(robot_s))
     }
@@ -127,7 +128,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
     let families = still.families(motions);
     let best = families.iter().map(Family::best).fold(f64::NEG_INFINITY, f64::max);
     let weight = |combination: &Combination| {
-        let weight = (combination.log_weight - best).exp();
+        let weight = exp(combination.log_weight - best);
         if weight > LEAST_WEIGHT { weight } else { 0.0 }
     };
     let all = || families.iter().flat_map(|family| &family.combinations);
@@ -150,7 +151,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
         // The rotation for rates of 1 °/s: rates that the motions explain are no bias, and the robot still turns back.
         let mut turned = -(&still.cross * &family.columns);
         let tau = family.time_constant_s;
-        turned.column_mut(0).add_scalar_mut(tau * (-(still.from_s - motions.run_s) / tau).exp());
+        turned.column_mut(0).add_scalar_mut(tau * exp(-(still.from_s - motions.run_s) / tau));
         mean += &turned * of_mean;
         square += &turned * of_square * turned.transpose();
     }
@@ -177,7 +178,7 @@ impl Still<'_> {
         loop {
             let weights: Vec<f64> =
                 all.iter().map(|(_, of)| of.iter().map(Family::best).fold(f64::NEG_INFINITY, f64::max)).collect();
-            let least = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max) + LEAST_WEIGHT.ln();
+            let least = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max) + ln(LEAST_WEIGHT);
             let differ = |i: usize| (weights[i] - weights[i + 1]).abs() > LARGEST_DIFFERENCE;
             let is_coarse = |i: &usize| {
                 let beside = i.saturating_sub(1)..=(i + 1).min(weights.len() - 2);
@@ -191,10 +192,10 @@ impl Still<'_> {
             all.extend(middles.into_iter().map(tried));
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        let taus: Vec<f64> = all.iter().map(|(tau, _)| tau.ln()).collect();
+        let taus: Vec<f64> = all.iter().map(|(tau, _)| ln(*tau)).collect();
         let width = |i: usize| 0.5 * (taus[(i + 1).min(taus.len() - 1)] - taus[i.saturating_sub(1)]);
         for (i, (tau, families)) in all.iter_mut().enumerate() {
-            let more = (width(i) * motions.density(*tau)).ln();
+            let more = ln(width(i) * motions.density(*tau));
             families.iter_mut().flat_map(|family| &mut family.combinations).for_each(|one| one.log_weight += more);
         }
         all.into_iter().flat_map(|(_, families)| families).collect()
@@ -206,7 +207,7 @@ impl Still<'_> {
         let rates = |tau: f64, zero_s: f64, after: bool| {
             let mean = |stretch: &Stretch| {
                 let Range { start, end } = stretch.range;
-                let part = |t: f64| (-(t - zero_s) / tau).exp();
+                let part = |t: f64| exp(-(t - zero_s) / tau);
                 if is_after(stretch) == after { tau * (part(start) - part(end)) / (end - start) } else { 0.0 }
             };
             DVector::from_iterator(self.stretches.len(), self.stretches.iter().map(mean))
@@ -230,7 +231,7 @@ impl Still<'_> {
             // evidences.
             let mean = sizes * factored.solve(&(sizes * along));
             let evidence = 0.5 * (along.dot(&mean) - factored.ln_determinant());
-            let log_weight = evidence + priors.iter().product::<f64>().ln();
+            let log_weight = evidence + ln(priors.iter().product::<f64>());
             Some(Combination { log_weight, mean, covariance: sizes * factored.inverse() * sizes })
         };
         let mut combinations = Vec::new();

@@ -2,6 +2,7 @@
 
 use super::{Columns, Euler, Reading, Track, Unwrap, rotation};
 use nalgebra::{UnitQuaternion, Vector3};
+use sim::body::attitude::rotation_between;
 use std::ops::Range;
 
 /// Minimum duration to estimate the bias about x and y, s.
@@ -41,7 +42,7 @@ impl Series {
         self.temperature_c.push(time_s, [reading.temperature_c]);
         if let Some(last) = self.last.replace(attitude) {
             // The rotation is relative to the previous body axes.
-            self.turned += (last.inverse() * attitude).scaled_axis();
+            self.turned += rotation_between(&last, &attitude);
         }
         if let Some(rates) = reading.lateral_dps {
             for (sum, rate) in self.turned_lateral_deg.iter_mut().zip(rates) {

@@ -10,6 +10,7 @@
 //! At first, a return to rest with a time constant of a minute looks like a bias. So a still robot is only recognised
 //! after 10 s with an MPU6050 as in its data sheet, and after 20 s with a three times noisier one.
 
+use sim::functions::{atan2, exp, hypot, powi};
 use std::collections::VecDeque;
 
 /// Largest rate of the yaw of a still robot, °/s.
@@ -108,7 +109,7 @@ impl Still {
             (start_s, block) = (start_s + passed * BLOCK_S, Block::default());
         }
         let [x, y, z] = force;
-        for (sum, value) in block.sums.iter_mut().zip([rate_dps, x.atan2(z).to_degrees(), y.atan2(z).to_degrees()]) {
+        for (sum, value) in block.sums.iter_mut().zip([rate_dps, atan2(x, z).to_degrees(), atan2(y, z).to_degrees()]) {
             *sum += value;
         }
         block.count += 1.0;
@@ -123,7 +124,7 @@ impl Still {
     /// Returns the bounds on the robot's present motion; `None` if there are too few readings.
     pub fn motion(&self) -> Option<Motion> {
         let tilt = |k: usize| self.bound(k, TILT_NOISE_DEG, |tau_s| 1.0 / tau_s);
-        Some(Motion { yaw_dps: self.bound(0, RATE_NOISE_DPS, |_| 1.0)?, tilt_dps: tilt(1)?.hypot(tilt(2)?) })
+        Some(Motion { yaw_dps: self.bound(0, RATE_NOISE_DPS, |_| 1.0)?, tilt_dps: hypot(tilt(1)?, tilt(2)?) })
     }
 
     /// Returns the bound on a quantity: the present amplitude of the decay in the means of the blocks, times `factor`
@@ -138,8 +139,8 @@ impl Still {
                 .map(|(i, block)| ((i as f64 + 0.5 - count as f64) * BLOCK_S, block.sums[k] / block.count))
                 .unzip();
             let decays: Vec<(f64, Fit)> = (0..TIME_CONSTANTS)
-                .map(|i| SHORTEST_S * RATIO.powi(i))
-                .map(|tau_s| (tau_s, Fit::of(times.iter().map(|time| (-time / tau_s).exp()), &means)))
+                .map(|i| SHORTEST_S * powi(RATIO, i))
+                .map(|tau_s| (tau_s, Fit::of(times.iter().map(|time| exp(-time / tau_s)), &means)))
                 .collect();
             let least = decays.iter().map(|(_, fit)| fit.squares).fold(f64::INFINITY, f64::min);
             // Bias, amount and time constant are fitted.
@@ -156,7 +157,7 @@ impl Still {
 
 /// Returns the noise variance of values from their second differences, in which slow changes cancel.
 fn roughness(values: &[f64]) -> f64 {
-    let squares = values.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2));
+    let squares = values.windows(3).map(|three| powi(three[0] - 2.0 * three[1] + three[2], 2));
     squares.sum::<f64>() / (6.0 * (values.len() as f64 - 2.0))
 }
 

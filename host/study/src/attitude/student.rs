@@ -1,5 +1,7 @@
 //! Quantiles of Student's distribution.
 
+use sim::functions::{ln, pow, powi};
+
 /// Returns the two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; from their table 26.10
 /// between one and four degrees of freedom, where the series is too small).
 pub fn student_95(degrees_of_freedom: f64) -> f64 {
@@ -12,15 +14,15 @@ pub fn student_95(degrees_of_freedom: f64) -> f64 {
     if f < FEW.len() as f64 {
         // The quantile falls about as a power of the degrees of freedom.
         let (i, whole) = (f as usize - 1, f.floor());
-        return FEW[i] * (FEW[i + 1] / FEW[i]).powf((f / whole).ln() / ((whole + 1.0) / whole).ln());
+        return FEW[i] * pow(FEW[i + 1] / FEW[i], ln(f / whole) / ln((whole + 1.0) / whole));
     }
     let z = NORMAL;
     let terms = [
-        (z.powi(3) + z) / 4.0,
-        (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0,
-        (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0,
+        (powi(z, 3) + z) / 4.0,
+        (5.0 * powi(z, 5) + 16.0 * powi(z, 3) + 3.0 * z) / 96.0,
+        (3.0 * powi(z, 7) + 19.0 * powi(z, 5) + 17.0 * powi(z, 3) - 15.0 * z) / 384.0,
     ];
-    z + terms[0] / f + terms[1] / f.powi(2) + terms[2] / f.powi(3)
+    z + terms[0] / f + terms[1] / powi(f, 2) + terms[2] / powi(f, 3)
 }
 
 #[cfg(test)]

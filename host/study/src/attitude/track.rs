@@ -1,5 +1,6 @@
 //! Time series.
 
+use sim::functions::powi;
 use std::ops::Range;
 
 /// A gap is an interval longer than this many median intervals, and longer than [`GAP_S`].
@@ -183,7 +184,7 @@ impl Track<'_> {
         let count = part.len() as f64;
         let (t, v) = points().fold((0.0, 0.0), |(t, v), (time, value)| (t + time / count, v + value / count));
         let (across, along) = points().fold((0.0, 0.0), |(across, along), (time, value)| {
-            (across + (time - t) * (value - v), along + (time - t).powi(2))
+            (across + (time - t) * (value - v), along + powi(time - t, 2))
         });
         (along > 0.0).then(|| across / along)
     }

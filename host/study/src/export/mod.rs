@@ -9,7 +9,7 @@ use crate::session::{Attempt, Session, SessionError};
 use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
 use biflag_log::LogError;
 use miette::Diagnostic;
-use nalgebra::UnitQuaternion;
+use sim::body::attitude::of_euler_zyx;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
@@ -218,8 +218,7 @@ fn write(
 fn tum(zeroed: &Zeroed, target: &mut impl Write) -> std::io::Result<usize> {
     let angles = &zeroed.angles_deg;
     for (i, time_s) in angles.time_s.iter().enumerate() {
-        let [yaw, pitch, roll] = angles.row(i).map(f64::to_radians);
-        let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let q = of_euler_zyx(angles.row(i).map(f64::to_radians));
         writeln!(target, "{time_s:.6} 0 0 0 {:.9} {:.9} {:.9} {:.9}", q.i, q.j, q.k, q.w)?;
     }
     Ok(angles.len())

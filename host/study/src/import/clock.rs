@@ -11,6 +11,7 @@ use crate::text::decimal;
 use crate::trial::{Data, Zeroed};
 use nalgebra::{Matrix4, Vector4};
 use serde::Serialize;
+use sim::functions::powi;
 use std::fmt;
 
 /// Interval of the search, s.
@@ -240,7 +241,7 @@ impl Grid {
         }
         let spread = tt - t * t / n;
         let about_line =
-            |s: f64, ts: f64, ss: f64| ((ss - s * s / n - (ts - t * s / n).powi(2) / spread).max(0.0) / n).sqrt();
+            |s: f64, ts: f64, ss: f64| ((ss - s * s / n - powi(ts - t * s / n, 2) / spread).max(0.0) / n).sqrt();
         (about_line(y, ty, yy) >= least_motion_deg).then(|| about_line(e, te, ee))
     }
 }

@@ -8,8 +8,8 @@ use crate::run;
 use crate::trial::Data;
 use biflag_log::schema::biflag::{Quaternion, Truth};
 use biflag_log::{End, EventKind, ImportMeta, LinkStats, Origin, Summary, Writer};
-use nalgebra::UnitQuaternion;
 use protocol::units::CentiRpm;
+use sim::body::attitude::of_euler_zyx;
 use std::ops::Range;
 use std::path::Path;
 use std::time::SystemTime;
@@ -138,8 +138,7 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
 fn truth(states: &States, i: usize, [motor1_turns, motor2_turns]: [f64; 2], start_s: f64) -> Truth {
     let state = &states.rows[i];
     let [yaw_deg, pitch_deg, roll_deg] = state.angles_deg;
-    let [yaw, pitch, roll] = state.angles_deg.map(f64::to_radians);
-    let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+    let q = of_euler_zyx(state.angles_deg.map(f64::to_radians));
     let [motor1_rpm, motor2_rpm] = state.speed_rpm.unwrap_or_default();
     Truth {
         time_s: state.time_s - start_s,

@@ -4,6 +4,7 @@ use super::PlanError;
 use super::source::Source;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
+use sim::functions::powi;
 use sim::params::Robot;
 
 /// Relative difference up to which two values in a file are the same, because a program may have rounded one of them.
@@ -93,7 +94,7 @@ impl Fit {
             return None;
         }
         let count = parameters.len();
-        let diagonal = |i: usize, j: usize| if i == j { parameters[i].std_error.powi(2) } else { 0.0 };
+        let diagonal = |i: usize, j: usize| if i == j { powi(parameters[i].std_error, 2) } else { 0.0 };
         let has_model_error = parameters.iter().any(|parameter| parameter.model_error.is_some());
         let closure = |word: &str| text.lines().any(|line| line.ends_with(&format!("for the closure {word}.")));
         Some(Self {

@@ -9,6 +9,7 @@
 use super::{BIAS_WALK, Estimate};
 use crate::attitude::{BiasNoise, WARMING_DPS_PER_C};
 use nalgebra::{DMatrix, DVector};
+use sim::functions::{exp, ln, ln_1p, pow, powi};
 
 /// Most groups, and fewest bins in a group: longer than the delay of every filter.
 const MOST_GROUPS: usize = 90;
@@ -46,30 +47,29 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
     };
     let (rates, warmth) = (means(rates_dps), WARMING_DPS_PER_C * means(temperature_c));
     let count = rates.len();
-    let apart = DMatrix::identity(count, count) * (angle_walk.powi(2) / length_s);
-    let own = apart.add_scalar(CONSTANT_DPS.powi(2)) + &warmth * warmth.transpose();
+    let apart = DMatrix::identity(count, count) * (powi(angle_walk, 2) / length_s);
+    let own = apart.add_scalar(powi(CONSTANT_DPS, 2)) + &warmth * warmth.transpose();
     let group = |k: usize| k as f64 * length_s..(k + 1) as f64 * length_s;
     let [walk, flicker] = [(1.0, 0.0), (0.0, 1.0)].map(|(walk_dps_per_root_s, instability_dps)| {
         let unit = BiasNoise { walk_dps_per_root_s, instability_dps };
         DMatrix::from_fn(count, count, |i, j| unit.covariance(&group(i), &group(j), 0.0))
     });
-    let list = |usual: f64| (0..TRIED).map(move |k| usual * LEAST * (MOST / LEAST).powf(k as f64 / (TRIED - 1) as f64));
+    let list = |usual: f64| (0..TRIED).map(move |k| usual * LEAST * pow(MOST / LEAST, k as f64 / (TRIED - 1) as f64));
     let mut tried = Vec::new();
     for instability in list(USUAL_INSTABILITY_DPS) {
-        let own = &own + &flicker * instability.powi(2);
+        let own = &own + &flicker * powi(instability, 2);
         for k in list(USUAL_WALK) {
-            let Some(factored) = (&own + &walk * k.powi(2)).cholesky() else { continue };
+            let Some(factored) = (&own + &walk * powi(k, 2)).cholesky() else { continue };
             let log_prior = log_prior(k / USUAL_WALK) + log_prior(instability / USUAL_INSTABILITY_DPS);
             let misfit = rates.dot(&factored.solve(&rates));
             tried.push(([k, instability], log_prior - 0.5 * (misfit + factored.ln_determinant())));
         }
     }
     let best = tried.iter().map(|(_, weight)| *weight).fold(f64::NEG_INFINITY, f64::max);
-    let sum =
-        |of: &dyn Fn(&[f64; 2]) -> f64| tried.iter().map(|(at, weight)| of(at) * (weight - best).exp()).sum::<f64>();
+    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| tried.iter().map(|(at, weight)| of(at) * exp(weight - best)).sum::<f64>();
     let estimate = |which: usize| {
-        let mean = |power: i32| sum(&|at| at[which].powi(power)) / sum(&|_| 1.0);
-        Estimate { value: mean(1), u: (mean(2) - mean(1).powi(2)).max(0.0).sqrt() }
+        let mean = |power: i32| sum(&|at| powi(at[which], power)) / sum(&|_| 1.0);
+        Estimate { value: mean(1), u: (mean(2) - powi(mean(1), 2)).max(0.0).sqrt() }
     };
     BiasEstimate { walk: estimate(0), instability_dps: estimate(1) }
 }
@@ -77,7 +77,7 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
 /// Returns the log prior of a point of the grid, whose steps are proportional to the value: half a Cauchy distribution,
 /// because sensors differ by orders of magnitude.
 fn log_prior(scaled: f64) -> f64 {
-    scaled.ln() - (scaled * scaled).ln_1p()
+    ln(scaled) - ln_1p(scaled * scaled)
 }
 
 #[cfg(test)]

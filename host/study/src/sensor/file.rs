@@ -12,6 +12,7 @@ use biflag_log::{MeasuredSensorMeta, atomic_file};
 use protocol::Settings;
 use protocol::units::{Axis, AxisMap};
 use serde::Deserialize;
+use sim::functions::{hypot, log10, powi};
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 use std::fmt::Write as _;
@@ -295,8 +296,8 @@ impl MeasuredSensor {
             if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
                 let flicker = self.get("bias_instability_dps", axis).unwrap_or_default();
                 prior.bias_noise[i] = BiasNoise {
-                    walk_dps_per_root_s: walk.value.hypot(walk.u),
-                    instability_dps: flicker.value.hypot(flicker.u),
+                    walk_dps_per_root_s: hypot(walk.value, walk.u),
+                    instability_dps: hypot(flicker.value, flicker.u),
                 };
             }
             for j in 0..3 {
@@ -324,7 +325,7 @@ impl MeasuredSensor {
                 // A turn combines its measurement with the data sheet, which removes this part of the uncertainty.
                 let measured = self.get("gyro_cross", &pair(i, j));
                 error.of_gyro[i][j] =
-                    measured.map_or(0.0, |measured| (1.0 - (measured.u / sheet.gyro_cross[i][j].u).powi(2)).max(0.0));
+                    measured.map_or(0.0, |measured| (1.0 - powi(measured.u / sheet.gyro_cross[i][j].u, 2)).max(0.0));
             }
         }
         error
@@ -338,7 +339,7 @@ impl MeasuredSensor {
         if self.tables.contains_key("mounting_deg") {
             for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).filter(|(i, j)| i != j) {
                 let turned = sheet.accel_cross[i][j].u / SQRT_2;
-                sheet.gyro_cross[i][j].u = sheet.gyro_cross[i][j].u.hypot(turned);
+                sheet.gyro_cross[i][j].u = hypot(sheet.gyro_cross[i][j].u, turned);
             }
         }
         sheet
@@ -418,7 +419,7 @@ fn listed(axes: AxisMap) -> String {
 
 /// Formats a number to the third significant digit of its uncertainty.
 fn digits(value: f64, u: f64) -> String {
-    let places = if u > 0.0 { (2.0 - u.log10().floor()).clamp(0.0, 12.0) } else { 9.0 };
+    let places = if u > 0.0 { (2.0 - log10(u).floor()).clamp(0.0, 12.0) } else { 9.0 };
     let text = format!("{value:.*}", places as usize);
     // TOML distinguishes integers from decimal numbers.
     if text.contains('.') { text } else { text + ".0" }

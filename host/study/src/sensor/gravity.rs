@@ -4,6 +4,7 @@
 //! thousandth. A board's number identifies it only if the user has assigned one.
 
 use super::{AXES, Estimate, MeasuredSensor};
+use sim::functions::powi;
 
 /// Largest temperature difference between the file's measurement and now, °C, in the same room.
 const ROOM_C: f64 = 5.0;
@@ -21,8 +22,8 @@ impl MeasuredSensor {
             // Share of the force along this axis.
             let share = reading_g[i] / force;
             let cross: f64 = (0..3).map(|j| known.accel_cross[i][j].value * reading_g[j]).sum();
-            found += (reading_g[i] - offset.value - scale.value * reading_g[i] - cross).powi(2);
-            let mut add = |u: f64| variance += (share * u).powi(2);
+            found += powi(reading_g[i] - offset.value - scale.value * reading_g[i] - cross, 2);
+            let mut add = |u: f64| variance += powi(share * u, 2);
             add(offset.u);
             add(scale.u * reading_g[i]);
             add(known.accel_drift_g_per_c[i].u * ROOM_C);

@@ -35,6 +35,8 @@ pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 use crate::attitude::BiasNoise;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use sim::body::attitude::of_vector;
+use sim::functions::powi;
 
 /// A quantity and its standard uncertainty.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
@@ -140,11 +142,11 @@ impl Sensor {
     pub fn angle_walk(&self) -> Option<(f64, f64)> {
         let Estimate { value, u } = self.angle_walk_z_deg_per_root_s.filter(|walk| walk.value > 0.0)?;
         // A standard deviation with n degrees of freedom is known to 1/√(2 n) of itself.
-        Some((value, 0.5 * (value / u).powi(2)))
+        Some((value, 0.5 * powi(value / u, 2)))
     }
 
     /// Returns the known rotation from the body's to the sensor's axes.
     pub fn mounting(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_scaled_axis(Vector3::from(self.mounting_deg.map(|angle| angle.value.to_radians())))
+        of_vector(Vector3::from(self.mounting_deg.map(|angle| angle.value.to_radians())))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Estimate, Sensor};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use sim::functions::powi;
 use std::ops::Range;
 
 /// Errors of one kind.
@@ -58,7 +59,7 @@ impl Sensor {
             root[(accel[1], common)] = u;
             for (row, share) in gyro.into_iter().zip([self.axes.of_gyro[i][j], self.axes.of_gyro[j][i]]) {
                 root[(row, common)] = share * u;
-                root[(row, row)] = (root[(row, row)].powi(2) - (share * u).powi(2)).max(0.0).sqrt();
+                root[(row, row)] = (powi(root[(row, row)], 2) - powi(share * u, 2)).max(0.0).sqrt();
             }
         }
         root

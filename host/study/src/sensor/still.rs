@@ -10,6 +10,7 @@ use super::least_squares::Fit;
 use super::reading::{Motion, RawReading, Rests};
 use super::{Estimate, bias_noise};
 use miette::Diagnostic;
+use sim::functions::{ln, powi};
 use thiserror::Error;
 
 /// Length of a bin, s.
@@ -190,7 +191,7 @@ impl AxisNoise {
     fn of(rates_dps: &[f64], temperature_c: &[f64]) -> Option<Self> {
         let allan = allan_deviation(rates_dps);
         let nearest = |(a, _): &&(f64, Estimate), (b, _): &&(f64, Estimate)| {
-            (a / WHITE_S).ln().abs().total_cmp(&(b / WHITE_S).ln().abs())
+            ln(a / WHITE_S).abs().total_cmp(&ln(b / WHITE_S).abs())
         };
         if allan.len() < 5 {
             return None;
@@ -213,7 +214,7 @@ fn allan_deviation(rates_dps: &[f64]) -> Vec<(f64, Estimate)> {
         let tau_s = m as f64 * BIN_S;
         let windows = angle_deg.windows(2 * m + 1);
         let count = windows.len() as f64;
-        let squares: f64 = windows.map(|angle| (angle[2 * m] - 2.0 * angle[m] + angle[0]).powi(2)).sum();
+        let squares: f64 = windows.map(|angle| powi(angle[2 * m] - 2.0 * angle[m] + angle[0], 2)).sum();
         let value = (squares / (2.0 * count)).sqrt() / tau_s;
         let differences = rates_dps.len() as f64 / m as f64 - 1.0;
         (tau_s, Estimate { value, u: value / (2.0 * differences).sqrt() })

@@ -15,6 +15,7 @@
 use crate::attitude::{ANGLE_WALK, WARMING_DPS_PER_C};
 use crate::sensor::Sensor;
 use crate::text::decimal;
+use sim::functions::{hypot, sin};
 use std::fmt;
 
 /// Half width of a 95 % interval in standard deviations.
@@ -37,13 +38,13 @@ pub struct YawError {
 /// Returns the error of a yaw held for `time_s` after a rest of `rest_s`, by a robot with this tilt.
 pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, time_s: f64) -> YawError {
     let walk = sensor.angle_walk().map_or(ANGLE_WALK, |(walk, _)| walk);
-    let gravity_dps = sensor.gyro_g_dps[2][0].u.max(sensor.gyro_g_dps[2][1].u) * tilt_deg.to_radians().sin();
+    let gravity_dps = sensor.gyro_g_dps[2][0].u.max(sensor.gyro_g_dps[2][1].u) * sin(tilt_deg.to_radians());
     let slope = walk * (1.2 / rest_s).sqrt() * time_s;
     YawError {
         scale: sensor.gyro_scale[2].u * yaw_deg.abs(),
         gravity: gravity_dps.abs() * time_s,
         // The change of the mean bias since the rest.
-        bias: slope.hypot(sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
+        bias: hypot(slope, sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
         warming: WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s,
         noise: walk * time_s.sqrt(),
     }
@@ -57,7 +58,7 @@ impl YawError {
 
     /// Returns the half width of the 95 % interval, degrees.
     pub fn uncertainty_deg(&self) -> f64 {
-        COVERAGE * self.terms().into_iter().map(|(_, u_deg)| u_deg).fold(0.0, f64::hypot)
+        COVERAGE * self.terms().into_iter().map(|(_, u_deg)| u_deg).fold(0.0, hypot)
     }
 }
 

@@ -79,6 +79,7 @@ impl Map {
 }
 
 /// Returns the inverse of the derivatives, without the directions of the speeds that hardly change the attitude.
+#[expect(clippy::disallowed_methods, reason = "a controller of a board, whose result is not repeated to the last bit")]
 fn inverse(derivatives: &DMatrix<f64>) -> Matrix2<f64> {
     let derivatives = Matrix2::from_fn(|i, k| derivatives[(i, k)]);
     derivatives.pseudo_inverse(1.0 / STEEPEST_RPM).unwrap_or_default()

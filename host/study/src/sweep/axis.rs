@@ -1,6 +1,7 @@
 //! The values of a key in `[vary]`.
 
 use super::key::Key;
+use sim::functions::pow;
 
 /// A key and its values.
 #[derive(Clone, PartialEq, Debug)]
@@ -81,7 +82,7 @@ impl Range {
             (0.0, _) => from,
             (1.0, _) => to,
             (share, Scale::Linear) => rounded(from + (to - from) * share),
-            (share, Scale::Log) => rounded(from * (to / from).powf(share)),
+            (share, Scale::Log) => rounded(from * pow(to / from, share)),
         }
     }
 }

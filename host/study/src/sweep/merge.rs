@@ -38,7 +38,7 @@ pub struct Merged {
     pub done: u64,
     /// Number of rows of failed points.
     pub failed: u64,
-    /// Number of points computed several times with different results, for instance on different types of processor.
+    /// Number of points computed several times with different results, which should not be.
     /// The table has one of these results, chosen by its bytes.
     pub different: u64,
     /// Parts that are cut off or damaged.

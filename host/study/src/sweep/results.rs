@@ -4,7 +4,7 @@
 //! requires a new version, which the test below enforces.
 
 /// Version of the model's results.
-pub const RESULTS: u32 = 5;
+pub const RESULTS: u32 = 6;
 
 #[cfg(test)]
 mod tests {
@@ -12,6 +12,7 @@ mod tests {
     use super::super::{Sweep, SweepPlan};
     use super::*;
     use crate::plan::robot;
+    use rayon::prelude::*;
     use sim::steady::quantities::QUANTITIES;
     use sim::step::InversesAtRest;
     use std::path::Path;
@@ -27,67 +28,49 @@ mod tests {
         "[session]\nrobot = \"robot-tank\"\n[trial]\nrun = 24\n[speeds]\npairs = [[50, 10]]\n",
     ];
 
-    /// Largest differences between processors, which round differently: degrees, N, N m, shares, m. Contact amplifies
-    /// rounding errors.
-    fn tolerance(unit: &str, value: f64, contact: bool) -> f64 {
-        let least: f64 = match unit {
-            "deg" => 1e-3,
-            "N" => 1e-7,
-            "N m" => 1e-8,
-            "m" => 1e-7,
-            _ => 1e-4,
-        };
-        let share = 1e-5 * value.abs();
-        if contact { 100.0 * least.max(share) } else { least.max(share) }
-    }
-
-    /// Returns a line for each point: its speeds, kind and values, or the reason for its failure.
-    fn results() -> Vec<String> {
-        let mut lines = Vec::new();
-        for text in PLANS {
-            let plan = SweepPlan::parse(text, "plan", &|name| robot::load(Path::new(name))).unwrap();
-            let sweep = Sweep::new(plan.clone(), RESULTS).unwrap();
-            for index in 0..plan.points() {
-                let point = sweep.point(index);
-                let (outcome, _) = Outcome::of(&point, &plan, &InversesAtRest::default(), &|| true).unwrap();
-                let [w1, w2] = point.speeds_rpm;
-                lines.push(match outcome {
-                    Outcome::Failed(reason) => format!("{w1},{w2},{reason}"),
-                    Outcome::Ok(steady) => {
-                        let values = steady.values.map(|value| format!(",{value:.9e}"));
-                        format!("{w1},{w2},{}{}", steady.kind.name(), values.concat())
-                    }
-                });
+    /// Returns a line for each point of a plan: its speeds, kind and values, or the reason for its failure. A number has all
+    /// its digits.
+    fn results(text: &str, threads: usize) -> Vec<String> {
+        let plan = SweepPlan::parse(text, "plan", &|name| robot::load(Path::new(name))).unwrap();
+        let sweep = Sweep::new(plan.clone(), RESULTS).unwrap();
+        let at_rest = InversesAtRest::default();
+        let line = |index| {
+            let point = sweep.point(index);
+            let (outcome, _) = Outcome::of(&point, &plan, &at_rest, &|| true).unwrap();
+            let [w1, w2] = point.speeds_rpm;
+            match outcome {
+                Outcome::Failed(reason) => format!("{w1},{w2},{reason}"),
+                Outcome::Ok(steady) => {
+                    // The sign of a zero may depend on the processor.
+                    let values = steady.values.map(|value| format!(",{:e}", value + 0.0));
+                    format!("{w1},{w2},{}{}", steady.kind.name(), values.concat())
+                }
             }
-        }
-        lines
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| (0..plan.points()).into_par_iter().map(line).collect())
     }
 
-    fn is_same(now: &str, before: &str) -> bool {
-        let [now, before] = [now, before].map(|line| line.split(',').collect::<Vec<_>>());
-        let number = |word: &str| word.parse::<f64>().unwrap();
-        if now.len() != before.len() || now.len() != 3 + QUANTITIES.len() {
-            return now == before;
+    #[test]
+    fn threads_do_not_change_results() {
+        let text = "[trial]\nrun = 12\nmethod = \"trial\"\n[speeds]\n\
+                    pairs = [[50, 10], [0, 45], [37.3, -52.91], [90, 60], [-31.4, -22.6], [12.5, 80], [-70, 5]]\n";
+        let one = results(text, 1);
+        for threads in [2, 7] {
+            assert_eq!(results(text, threads), one, "{threads} threads");
         }
-        let at = QUANTITIES.iter().position(|quantity| quantity.name == "contact_share").unwrap();
-        let contact = number(before[3 + at]) > 0.0;
-        now[..3] == before[..3]
-            && QUANTITIES.iter().enumerate().all(|(at, quantity)| {
-                let [now, before] = [&now, &before].map(|words| number(words[3 + at]));
-                (now - before).abs() <= tolerance(quantity.unit, before, contact)
-            })
     }
 
     /// `BIFLAG_WRITE_GOLDEN=1 cargo test --release -p study --lib sweep::results` writes `results.csv` again.
     #[test]
     fn results_are_those_of_their_version() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/sweep/results.csv");
-        let now = results();
+        let now = PLANS.map(|text| results(text, 2)).concat();
         let before = std::fs::read_to_string(path).unwrap_or_default();
         let mut lines = before.lines();
         let version = lines.next().unwrap_or_default();
         let before: Vec<&str> = lines.skip(1).collect();
-        let changed: Vec<_> = now.iter().zip(&before).filter(|(now, before)| !is_same(now, before)).collect();
+        let changed: Vec<_> = now.iter().zip(&before).filter(|(now, before)| now.as_str() != **before).collect();
         let wanted = format!("# version {RESULTS}");
         assert!(
             version != wanted || changed.is_empty(),

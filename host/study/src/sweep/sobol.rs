@@ -3,6 +3,7 @@
 //! Direction numbers: Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635 (`new-joe-kuo-6`), in the order of the Gray code
 //! (Antonov and Saleev 1979). A seed shifts all points by exclusive or, which keeps their even distribution.
 
+use sim::functions::powi;
 use sim::split_mix::split_mix;
 
 /// Largest number of dimensions.
@@ -37,7 +38,7 @@ pub fn coordinate(index: u32, dimension: usize, seed: u64) -> f64 {
     let gray = index ^ (index >> 1);
     let directions = directions(dimension);
     let point = (0..32).filter(|bit| gray >> bit & 1 == 1).fold(0, |point, bit| point ^ directions[bit]);
-    (f64::from(point ^ shift(dimension, seed)) + 0.5) / 2f64.powi(32)
+    (f64::from(point ^ shift(dimension, seed)) + 0.5) / powi(2f64, 32)
 }
 
 /// Returns the direction numbers of a dimension, the most significant bit first.

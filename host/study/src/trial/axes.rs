@@ -7,6 +7,8 @@
 
 use super::data::Data;
 use crate::attitude::rotation;
+use sim::body::attitude::rotation_between;
+use sim::functions::hypot;
 use std::ops::Range;
 
 /// Checked part of the run, s, in which the robot tilts.
@@ -48,7 +50,7 @@ pub(super) fn contradiction(data: &Data) -> Option<[f64; 2]> {
         let [x, y] = [0, 1].map(|k| sums.correction_deg[k] - bias_dps[k] * sums.passed_s);
         // The accelerometer's offset turns with the body.
         let of_offset = tilt_deg * sums.turn_deg.to_radians().abs();
-        [x.hypot(y), ALLOWED_DEG + ALLOWED_SHARE * sums.path_deg + of_offset]
+        [hypot(x, y), ALLOWED_DEG + ALLOWED_SHARE * sums.path_deg + of_offset]
     });
     found.filter(|[found, allowed]| found > allowed).max_by(|a, b| (a[0] - a[1]).total_cmp(&(b[0] - b[1])))
 }
@@ -63,12 +65,12 @@ fn sums(data: &Data, time: Range<f64>) -> Option<Vec<Sums>> {
     for pair in readings[from..to].windows(2) {
         let [(before_s, before), (now_s, now)] = [pair[0], pair[1]];
         let passed_s = now_s - before_s;
-        let turned = (rotation(before.attitude).inverse() * rotation(now.attitude)).scaled_axis().map(f64::to_degrees);
+        let turned = rotation_between(&rotation(before.attitude), &rotation(now.attitude)).map(f64::to_degrees);
         let rates = now.lateral_dps?;
         for k in 0..2 {
             sums.correction_deg[k] += rates[k] * passed_s - turned[k];
         }
-        sums.path_deg += rates[0].hypot(rates[1]) * passed_s;
+        sums.path_deg += hypot(rates[0], rates[1]) * passed_s;
         sums.turn_deg += turned[2];
         sums.passed_s += passed_s;
         all.push(sums);

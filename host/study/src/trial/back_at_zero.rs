@@ -9,6 +9,7 @@ use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use crate::attitude::Track;
 use protocol::units::CentiRpm;
+use sim::functions::exp;
 use std::ops::Range;
 
 /// Time in which the motors stop and soft flagella spring back, s. This turns the robot by a part of the yaw.
@@ -48,7 +49,7 @@ fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64
         return None;
     }
     let end_deg = yaw.mean(after.end - LAST_S..after.end)?;
-    let left = (-(after.end - sprung_s) / (SLOWER * time_constant_s)).exp();
+    let left = exp(-(after.end - sprung_s) / (SLOWER * time_constant_s));
     let first = yaw.time_s.iter().zip(yaw.value).filter(|(time, _)| (after.start..sprung_s).contains(*time));
     let bounds = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(left * deg), high.max(left * deg)]);
     let nearest_deg = end_deg.clamp(bounds[0] - allowed_deg, bounds[1] + allowed_deg);

@@ -2,6 +2,7 @@
 
 use crate::attitude::student_95;
 use serde::Serialize;
+use sim::functions::powi;
 
 /// How an uncertainty was evaluated (GUM, 3.3.5).
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
@@ -71,8 +72,8 @@ impl Budget {
     /// Creates a budget. Terms of zero are left out.
     pub fn new(terms: impl IntoIterator<Item = Term>) -> Self {
         let mut terms: Vec<Term> = terms.into_iter().filter(|term| term.u_deg != 0.0).collect();
-        let variance: f64 = terms.iter().map(|term| term.u_deg.powi(2)).sum();
-        terms.iter_mut().for_each(|term| term.share = term.u_deg.powi(2) / variance);
+        let variance: f64 = terms.iter().map(|term| powi(term.u_deg, 2)).sum();
+        terms.iter_mut().for_each(|term| term.share = powi(term.u_deg, 2) / variance);
         Self { terms }
     }
 
@@ -83,14 +84,14 @@ impl Budget {
 
     /// Returns the standard uncertainty of the angle, degrees.
     pub fn u_deg(&self) -> f64 {
-        self.terms.iter().map(|term| term.u_deg.powi(2)).fold(0.0, |sum, square| sum + square).sqrt()
+        self.terms.iter().map(|term| powi(term.u_deg, 2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
     /// Returns the part of the standard uncertainty that is common to all trials of a sensor, degrees.
     pub fn sensor_u_deg(&self) -> f64 {
         let common = self.terms.iter().filter(|term| term.common_to == CommonTo::Sensor);
         // The sum of nothing would be -0.
-        common.map(|term| term.u_deg.powi(2)).fold(0.0, |sum, square| sum + square).sqrt()
+        common.map(|term| powi(term.u_deg, 2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
     /// Returns the causes that belong to this trial alone.
@@ -101,8 +102,8 @@ impl Budget {
 
     /// Returns the effective degrees of freedom by the formula of Welch and Satterthwaite (GUM, G.2b).
     pub fn degrees_of_freedom(&self) -> f64 {
-        let sum: f64 = self.terms.iter().map(|term| term.u_deg.powi(4) / term.degrees_of_freedom).sum();
-        if sum > 0.0 { self.u_deg().powi(4) / sum } else { f64::INFINITY }
+        let sum: f64 = self.terms.iter().map(|term| powi(term.u_deg, 4) / term.degrees_of_freedom).sum();
+        if sum > 0.0 { powi(self.u_deg(), 4) / sum } else { f64::INFINITY }
     }
 
     /// Returns the half width of the 95 % interval, degrees.
@@ -130,8 +131,8 @@ impl Term {
         Self {
             name,
             evaluation: Evaluation::B,
-            u_deg: of.clone().map(|(sensitivity, u)| (sensitivity * u).powi(2)).sum::<f64>().sqrt(),
-            sensitivity: Some(of.map(|(sensitivity, _)| sensitivity.powi(2)).sum::<f64>().sqrt()),
+            u_deg: of.clone().map(|(sensitivity, u)| powi(sensitivity * u, 2)).sum::<f64>().sqrt(),
+            sensitivity: Some(of.map(|(sensitivity, _)| powi(sensitivity, 2)).sum::<f64>().sqrt()),
             share: 0.0,
             common_to: CommonTo::Sensor,
             degrees_of_freedom: f64::INFINITY,

@@ -4,6 +4,7 @@
 use super::budget::{Budget, Term};
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
+use sim::functions::{hypot, powi};
 
 /// Number of errors shared by all trials of a sensor: [`crate::sensor::Sensor::parameters`], and the rate of the
 /// board's clock.
@@ -40,7 +41,7 @@ impl Causes {
     pub fn budget(&self) -> Budget {
         let of_sensors = |range: std::ops::Range<usize>| {
             let each = self.effects_deg.chunks(SENSOR_ERRORS).flat_map(|sensor| &sensor[range.clone()]);
-            each.map(|effect| effect.powi(2)).sum::<f64>().sqrt()
+            each.map(|effect| powi(*effect, 2)).sum::<f64>().sqrt()
         };
         let groups = GROUPS.iter().map(|group| (group.name, group.range.clone()));
         let common = groups.chain([("clock", PARAMETERS..SENSOR_ERRORS)]).map(|(name, range)| Term {
@@ -58,9 +59,9 @@ fn both_sums(one: &[Term], other: &[Term]) -> Vec<Term> {
         match sums.iter_mut().find(|sum| sum.name == term.name) {
             Some(sum) => {
                 // Welch and Satterthwaite.
-                let [a, b] = [&*sum, term].map(|term| term.u_deg.powi(4) / term.degrees_of_freedom);
-                let u_deg = sum.u_deg.hypot(term.u_deg);
-                sum.degrees_of_freedom = if a + b > 0.0 { u_deg.powi(4) / (a + b) } else { f64::INFINITY };
+                let [a, b] = [&*sum, term].map(|term| powi(term.u_deg, 4) / term.degrees_of_freedom);
+                let u_deg = hypot(sum.u_deg, term.u_deg);
+                sum.degrees_of_freedom = if a + b > 0.0 { powi(u_deg, 4) / (a + b) } else { f64::INFINITY };
                 sum.u_deg = u_deg;
             }
             None => sums.push(term.clone()),

@@ -9,6 +9,7 @@ use super::tilt_zero::TiltZero;
 use crate::attitude::{BiasNoise, Columns, Drift, Track, WARMING_DPS_PER_C};
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::{DMatrix, RowDVector};
+use sim::functions::{acos, cos, hypot, sin};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
@@ -127,10 +128,10 @@ impl Errors {
     fn bias_term(&self, angles: &Columns<3>, over: &Range<f64>, gradient: [f64; 2]) -> Term {
         let warming_c = self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c;
         let zero = self.from_s - AROUND_S..self.from_s + AROUND_S;
-        let bias_dps = self.bias_noise.map(|noise| noise.change_dps(&zero, over).hypot(WARMING_DPS_PER_C * warming_c));
+        let bias_dps = self.bias_noise.map(|noise| hypot(noise.change_dps(&zero, over), WARMING_DPS_PER_C * warming_c));
         let [of_pitch, of_roll] = tilts_by_bias(mean_tilt_deg(angles, over), self.filter_s);
         let by_axis = |i: usize| (gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]) * bias_dps[i];
-        Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot), f64::INFINITY)
+        Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, hypot), f64::INFINITY)
     }
 
     /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each sensor error.
@@ -210,7 +211,7 @@ impl Errors {
         let each = self.of_each(sensitivity);
         GROUPS.iter().map(move |group| {
             let of_group = group.range.clone().map(|i| (each[i], 1.0));
-            let sensitivity = sensitivity[group.range.clone()].iter().copied().fold(0.0, f64::hypot);
+            let sensitivity = sensitivity[group.range.clone()].iter().copied().fold(0.0, hypot);
             Term { sensitivity: Some(sensitivity), ..Term::of_sensor(group.name, of_group) }
         })
     }
@@ -229,7 +230,7 @@ fn mean_tilt_deg(angles: &Columns<3>, over: &Range<f64>) -> [f64; 2] {
 /// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) with respect to pitch and roll.
 fn tilt_gradient(tilt_deg: [f64; 2]) -> [f64; 2] {
     let [pitch, roll] = tilt_deg.map(f64::to_radians);
-    let sine = (pitch.cos() * roll.cos()).acos().sin();
+    let sine = sin(acos(cos(pitch) * cos(roll)));
     // Upright, all directions are equivalent.
-    if sine == 0.0 { [FRAC_1_SQRT_2; 2] } else { [pitch.sin() * roll.cos() / sine, pitch.cos() * roll.sin() / sine] }
+    if sine == 0.0 { [FRAC_1_SQRT_2; 2] } else { [sin(pitch) * cos(roll) / sine, cos(pitch) * sin(roll) / sine] }
 }

@@ -6,7 +6,7 @@ use super::import_rest::REST_S;
 use super::zero::Zeroed;
 use crate::attitude::{Euler, rotation};
 use crate::text::count;
-use nalgebra::UnitQuaternion;
+use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
 /// Speeds that differ by no more than this are the same, rpm, and as a share.
@@ -90,9 +90,7 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<Finding> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
     let angles = zeroed.angles()?;
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
-    let of = |[yaw, pitch, roll]: [f64; 3]| {
-        UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians())
-    };
+    let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
     let askew = of([0.0, pitch_deg, roll_deg]);
     let Euler { yaw_deg: yaw, pitch_deg: pitch, roll_deg: roll } = Euler::of(&(askew.inverse() * of(body) * askew));
     // The yaw may have made full turns.
@@ -139,7 +137,7 @@ fn lost(data: &Data) -> Option<Finding> {
     let mut stood_from = 0;
     for (i, pair) in (1..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));
-        let angle_deg = rotation(before).angle_to(&rotation(now)).to_degrees();
+        let angle_deg = rotation_between(&rotation(before), &rotation(now)).norm().to_degrees();
         if angle_deg > JUMP_DEG && angle_deg / (now_s - before_s) > JUMP_DPS {
             let text = format!("the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns");
             return Some(grave(text, "leave lost readings empty in the table, and check the units of the angles"));
@@ -165,7 +163,9 @@ fn zeros(data: &Data) -> Option<Finding> {
     // The next reading that is not zero shows where the robot was.
     let is_lost = |time_s: f64| {
         let next = others.iter().find(|(later_s, _)| *later_s > time_s).or(others.last());
-        next.is_some_and(|(_, reading)| rotation(reading.attitude).angle_to(&upright).to_degrees() > ZERO_DEG)
+        next.is_some_and(|(_, reading)| {
+            rotation_between(&upright, &rotation(reading.attitude)).norm().to_degrees() > ZERO_DEG
+        })
     };
     let lost = zeros.iter().filter(|(time_s, _)| is_lost(*time_s)).count();
     let text =

@@ -2,6 +2,7 @@
 
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Motion, Track};
+use sim::functions::{hypot, powi};
 use std::ops::Range;
 
 /// Time before the run in which the robot must be still, and the shortest rest that can be judged, s.
@@ -18,7 +19,7 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
         return None;
     }
     let [yaw_dps, pitch_dps, roll_dps] = angles.map(|angle| certain_rate(angle, &last));
-    let motion = Motion { yaw_dps, tilt_dps: pitch_dps.hypot(roll_dps) };
+    let motion = Motion { yaw_dps, tilt_dps: hypot(pitch_dps, roll_dps) };
     let parts = [
         ("yaw", Motion { tilt_dps: 0.0, ..motion }, yaw_dps),
         ("tilt", Motion { yaw_dps: 0.0, ..motion }, motion.tilt_dps),
@@ -44,7 +45,7 @@ fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     let middle = 0.5 * (over.start + over.end);
     let (count, residuals, along) = inside.fold((0.0, 0.0, 0.0), |(count, residuals, along), (time, value)| {
         let from_middle = time - middle;
-        (count + 1.0, residuals + (value - mean - slope * from_middle).powi(2), along + from_middle.powi(2))
+        (count + 1.0, residuals + powi(value - mean - slope * from_middle, 2), along + powi(from_middle, 2))
     });
     let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
     (slope.abs() - 2.0 * variance.sqrt()).max(0.0)

@@ -5,7 +5,9 @@ use super::causes::{Causes, OverTime};
 use super::data::MOTORS;
 use crate::attitude::{Columns, Reading, student_95};
 use biflag_log::ImportMeta;
-use nalgebra::{DMatrix, UnitQuaternion};
+use nalgebra::DMatrix;
+use sim::body::attitude::of_euler_zyx;
+use sim::functions::powi;
 use std::ops::Range;
 
 /// Name of the term for the error that an import states.
@@ -23,7 +25,7 @@ pub(super) fn readings(
     let mut motors = Columns::default();
     let reading = |i: usize| {
         let [yaw, pitch, roll, ..] = states.row(i).map(f64::to_radians);
-        let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let q = of_euler_zyx([yaw, pitch, roll]);
         (times[i], Reading { attitude: [q.w, q.i, q.j, q.k], lateral_dps: None, temperature_c })
     };
     for (i, time) in times.iter().enumerate() {
@@ -82,8 +84,8 @@ impl Stated {
     /// whether the error is common to all times or differs between them, so both are included.
     pub fn over_time(&self, times: usize) -> [Option<OverTime>; 3] {
         let of = |u_deg: f64| {
-            let own = DMatrix::from_element(times, times, u_deg.powi(2))
-                + DMatrix::from_diagonal_element(times, times, u_deg.powi(2));
+            let own = DMatrix::from_element(times, times, powi(u_deg, 2))
+                + DMatrix::from_diagonal_element(times, times, powi(u_deg, 2));
             OverTime { own, ..OverTime::exact(times) }
         };
         self.u_deg.map(|u_deg| u_deg.map(of))

@@ -5,6 +5,7 @@ use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Drift, Rest, Series};
 use protocol::units::CentiRpm;
+use sim::functions::{cos, hypot, sin};
 use std::ops::Range;
 
 /// The zero of the yaw is its mean over this duration at the end of the still phase, s. A shorter still phase does not
@@ -118,7 +119,7 @@ fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) ->
     };
     let seen = run.start..run.end.min(series.yaw().span().end);
     let [roll, pitch] = tilts.map(|tilt| tilt.mean(seen.clone()).unwrap_or_default().to_radians());
-    Some((pitch.cos() * (y * roll.sin() + z * roll.cos()) - x * pitch.sin()).abs())
+    Some((cos(pitch) * (y * sin(roll) + z * cos(roll)) - x * sin(pitch)).abs())
 }
 
 /// Returns a finding if the tilt changed at the end of the still phase: the robot moved, or the filter was settling.
@@ -155,7 +156,7 @@ fn filter_settles(series: &Series, still: &Range<f64>, rate_dps: f64) -> bool {
     let middle = 0.5 * (still.start + still.end);
     let halves = [still.start..middle, middle..still.end].map(|half| series.held_back_dps(half));
     let [Some(one), Some(other)] = halves else { return false };
-    (one[0] - other[0]).hypot(one[1] - other[1]) > SETTLING * rate_dps
+    hypot(one[0] - other[0], one[1] - other[1]) > SETTLING * rate_dps
 }
 
 /// Returns a finding if the robot moved during the calibration, or still turned when the run began.

@@ -8,6 +8,7 @@
 
 use super::blocks::{BLOCK_S, end_of};
 use crate::attitude::Track;
+use sim::functions::{exp, exp_m1, powi, sinh};
 use std::ops::Range;
 
 /// Length of the means of the input, s, for a filter of 1 s. Over shorter times the attitude's resolution, 0.0035°,
@@ -57,7 +58,7 @@ impl RestFit {
     pub fn variance(&self, length_s: f64, filter_s: f64) -> f64 {
         let lengths = length_s / filter_s;
         // The filter reduces the noise further.
-        self.density / length_s * (1.0 + (-lengths).exp_m1() / lengths)
+        self.density / length_s * (1.0 + exp_m1(-lengths) / lengths)
     }
 }
 
@@ -98,13 +99,12 @@ impl Input {
         let share = (1.0 - self.filter_s / return_s).abs().max(LEAST_SHARE)
             / mean_of_return(zero.end - zero.start, return_s)
             * mean_of_return(self.mean_s, return_s);
-        let returns: Vec<f64> =
-            self.means.iter().map(|(time, _)| share * (-(time - middle) / return_s).exp()).collect();
+        let returns: Vec<f64> = self.means.iter().map(|(time, _)| share * exp(-(time - middle) / return_s)).collect();
         let x = returns.iter().sum::<f64>() / count;
         let y = self.means.iter().map(|(_, mean)| mean).sum::<f64>() / count;
         let (mut spread, mut along) = (0.0, 0.0);
         for (part, (_, mean)) in returns.iter().zip(&self.means) {
-            spread += (part - x).powi(2);
+            spread += powi(part - x, 2);
             along += (part - x) * (mean - y);
         }
         let left_deg = along / spread;
@@ -114,7 +114,7 @@ impl Input {
         let scatter = |of: f64, length_s: f64, count: f64| (of * length_s / (count - 2.0), count - 2.0);
         let own = scatter(off.iter().map(|off| off * off).sum(), self.mean_s, count);
         // Over longer times, flicker and random walk exceed the white noise.
-        let of_group = |part: &[f64]| (part.iter().sum::<f64>() / group as f64).powi(2);
+        let of_group = |part: &[f64]| powi(part.iter().sum::<f64>() / group as f64, 2);
         let slow = scatter(off.rchunks_exact(group).map(of_group).sum(), group as f64 * self.mean_s, groups as f64);
         let is_white = slow.0 <= own.0 * (1.0 + SLOW * (2.0 / slow.1).sqrt());
         let (density, freedom) = if is_white { own } else { slow };
@@ -126,7 +126,7 @@ impl Input {
 /// Returns the mean of exp(-t/τ) over an interval centred on 0.
 fn mean_of_return(length_s: f64, return_s: f64) -> f64 {
     let half = 0.5 * length_s / return_s;
-    half.sinh() / half
+    sinh(half) / half
 }
 
 #[cfg(test)]

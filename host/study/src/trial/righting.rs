@@ -2,6 +2,7 @@
 
 use super::data::Data;
 use biflag_log::RestMeta;
+use sim::functions::exp;
 use sim::params::Robot;
 use sim::return_to_rest::TimeConstants;
 use std::ops::Range;
@@ -33,9 +34,8 @@ impl Righting {
     pub fn left_deg(self, zero: &Range<f64>) -> f64 {
         let tau = self.time_constant_s;
         // The bound is two standard deviations.
-        self.waited.map_or(0.0, |[waited_s, tilt_dps]| {
-            0.5 * tilt_dps * tau * (-(middle(zero) - waited_s).max(0.0) / tau).exp()
-        })
+        self.waited
+            .map_or(0.0, |[waited_s, tilt_dps]| 0.5 * tilt_dps * tau * exp(-(middle(zero) - waited_s).max(0.0) / tau))
     }
 }
 

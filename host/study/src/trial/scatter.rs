@@ -8,6 +8,7 @@ use super::data::Data;
 use super::zero::Zeroed;
 use crate::statistics::variance_ratio;
 use serde::Serialize;
+use sim::functions::powi;
 
 /// Quantiles that bound a scatter explained by chance.
 const CHANCE: [f64; 2] = [0.025, 0.975];
@@ -110,10 +111,10 @@ fn scatter(set: &[&Repeat], k: usize, angle: &'static str) -> Option<Scatter> {
     let own: Vec<&Budget> = set.iter().map(|trial| trial.own[k].as_ref()).collect::<Option<_>>()?;
     let (count, freedom) = (set.len() as f64, set.len() as f64 - 1.0);
     let mean = set.iter().map(|trial| trial.angles_deg[k]).sum::<f64>() / count;
-    let variance = set.iter().map(|trial| (trial.angles_deg[k] - mean).powi(2)).sum::<f64>() / freedom;
+    let variance = set.iter().map(|trial| powi(trial.angles_deg[k] - mean, 2)).sum::<f64>() / freedom;
     // The budgets' own degrees of freedom, together (Welch and Satterthwaite).
-    let sum: f64 = own.iter().map(|budget| budget.u_deg().powi(2)).sum();
-    let spread: f64 = own.iter().map(|budget| budget.u_deg().powi(4) / budget.degrees_of_freedom()).sum();
+    let sum: f64 = own.iter().map(|budget| powi(budget.u_deg(), 2)).sum();
+    let spread: f64 = own.iter().map(|budget| powi(budget.u_deg(), 4) / budget.degrees_of_freedom()).sum();
     let known_with = if spread > 0.0 { sum * sum / spread } else { f64::INFINITY };
     let (scatter_deg, budget_deg) = (variance.sqrt(), (sum / count).sqrt());
     let by_chance_deg = CHANCE.map(|p| budget_deg * variance_ratio(p, freedom, known_with).sqrt());

@@ -22,6 +22,8 @@ use super::causes::SENSOR_ERRORS;
 use crate::attitude::Columns;
 use crate::sensor::PARAMETERS;
 use nalgebra::{UnitQuaternion, Vector3};
+use sim::body::attitude::rotation_between;
+use sim::functions::{cos, exp, sin};
 use std::ops::Range;
 
 /// Derivatives of yaw, pitch and roll with respect to each of a sensor's errors ([`crate::sensor::Sensor::parameters`])
@@ -86,10 +88,10 @@ impl Sensitivities {
     }
 
     fn advance(&mut self, before: UnitQuaternion<f64>, now: UnitQuaternion<f64>, passed_s: f64) {
-        let kept = (-passed_s / self.filter_s).exp();
+        let kept = exp(-passed_s / self.filter_s);
         let at_rest = self.mounting.inverse() * Vector3::z();
         let [before, sensor] = [before, now].map(|attitude| attitude * self.mounting);
-        let turned = (before.inverse() * sensor).scaled_axis();
+        let turned = rotation_between(&before, &sensor);
         let up = 0.5 * (before.inverse() * Vector3::z() + sensor.inverse() * Vector3::z());
         let change = up - at_rest;
         let Integrals { turned_deg, gravity_s, leans, followed } = &mut self.integrals;
@@ -193,7 +195,7 @@ fn tilt(up: Vector3<f64>, moved: Vector3<f64>) -> [f64; 2] {
 /// degrees per °/s, at a mean pitch and roll. `filter_s`: time constant of the board's filter.
 pub(super) fn tilts_by_bias(tilt_deg: [f64; 2], filter_s: f64) -> [[f64; 3]; 2] {
     let [pitch, roll] = tilt_deg.map(f64::to_radians);
-    let up = Vector3::new(-pitch.sin(), pitch.cos() * roll.sin(), pitch.cos() * roll.cos());
+    let up = Vector3::new(-sin(pitch), cos(pitch) * sin(roll), cos(pitch) * cos(roll));
     let by = [0, 1, 2].map(|i| tilt(up, up.cross(&Vector3::ith(i, 1.0)) * filter_s.to_radians()));
     [0, 1].map(|k| by.map(|tilts| tilts[k]))
 }

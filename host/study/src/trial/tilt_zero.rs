@@ -5,6 +5,7 @@ use super::budget::Term;
 use super::rest_fit::RestFit;
 use super::righting::Righting;
 use crate::attitude::Track;
+use sim::functions::{exp, powi};
 use std::ops::Range;
 
 /// Assumed prior for rests without a wait: share with a motion, and standard deviation of the motion relative to the
@@ -48,7 +49,7 @@ impl TiltZero {
     /// to pitch and roll.
     pub fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
         let sum = |u_deg: [f64; 2], freedom: [f64; 2]| {
-            let variances = [0, 1].map(|k| (gradient[k] * u_deg[k]).powi(2));
+            let variances = [0, 1].map(|k| powi(gradient[k] * u_deg[k], 2));
             let variance: f64 = variances.iter().sum();
             // Welch and Satterthwaite.
             let parts: f64 = variances.iter().zip(freedom).map(|(part, freedom)| part * part / freedom).sum();
@@ -67,7 +68,7 @@ impl TiltZero {
 
     /// Returns the variance of the zero of pitch (0) or roll (1), degrees².
     pub fn variance(&self, tilt: usize) -> f64 {
-        self.zero_variance(self.fits[tilt]) + self.moved_deg[tilt].powi(2)
+        self.zero_variance(self.fits[tilt]) + powi(self.moved_deg[tilt], 2)
     }
 
     fn zero_variance(&self, fit: RestFit) -> f64 {
@@ -83,15 +84,15 @@ fn moved_deg([estimate, u]: [f64; 2], waited_deg: f64) -> f64 {
         return estimate.abs();
     }
     // Variance of the estimate without a motion, or with the motion that may remain after the wait.
-    let (usual, share) = if waited_deg > 0.0 { (waited_deg.powi(2), TOUCHED) } else { (0.0, MOVING) };
+    let (usual, share) = if waited_deg > 0.0 { (powi(waited_deg, 2), TOUCHED) } else { (0.0, MOVING) };
     // Other motions are assumed to exceed the uncertainty several times; smaller ones could not be detected.
     let [usual_variance, other_variance] = [usual + u * u, (1.0 + SEEN * SEEN) * u * u];
     let log_ratio = 0.5 * estimate * estimate * (1.0 / usual_variance - 1.0 / other_variance);
-    let is_usual = (1.0 - share) / share * (other_variance / usual_variance).sqrt() * (-log_ratio).exp();
+    let is_usual = (1.0 - share) / share * (other_variance / usual_variance).sqrt() * exp(-log_ratio);
     let moves = 1.0 / (1.0 + is_usual);
     // The motion is not removed from the zero: the error contains both its estimate and the estimate's uncertainty.
     let known = usual / usual_variance;
-    let left = (known * estimate).powi(2) + known * u * u;
+    let left = powi(known * estimate, 2) + known * u * u;
     let moved = estimate * estimate + u * u;
     (moves * moved + (1.0 - moves) * left).sqrt()
 }

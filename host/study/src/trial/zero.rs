@@ -25,6 +25,7 @@ use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Ser
 use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
+use sim::body::attitude::of_euler_zyx;
 use sim::trial::means::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -138,7 +139,7 @@ impl Zeroed {
         let tilt = if data.times.has_run() { mean(&readings, &tilt_over) } else { None };
         let zero = Euler::of(&tilt.unwrap_or_default());
         // The sensor is mounted askew in the body: measured = true * askew. The zero of the yaw is not part of `askew`.
-        let askew = UnitQuaternion::from_euler_angles(zero.roll_deg.to_radians(), zero.pitch_deg.to_radians(), 0.0);
+        let askew = of_euler_zyx([0.0, zero.pitch_deg.to_radians(), zero.roll_deg.to_radians()]);
         let mut series = Series::new(data.settings().is_some_and(|settings| settings.attitude_ki != 0.0));
         for (time, reading) in &readings {
             let q = (rotation(reading.attitude) * askew.inverse()).into_inner();
@@ -216,7 +217,7 @@ impl Zeroed {
             rest.push(Finding::slight(FindingKind::Rest, text, cure));
         }
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&zero.unwrap_or_default());
-        let askew = UnitQuaternion::from_euler_angles(roll_deg.to_radians(), pitch_deg.to_radians(), 0.0);
+        let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
         let mut series = Series::default();
         for (time, reading) in &data.readings {
             let q = (rotation(reading.attitude) * askew.inverse()).into_inner();

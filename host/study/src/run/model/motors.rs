@@ -1,6 +1,7 @@
 //! The rig's motors in the model. They follow the angles of their targets.
 
 use serde::{Deserialize, Serialize};
+use sim::functions::exp;
 
 /// Time for which a motor falls behind after its target speed jumps, s. Then it turns faster than the target until it
 /// has caught up, because the board's motors follow an angle. On the emulated board, flagella that start to 50 rpm fall
@@ -26,7 +27,7 @@ impl Motors {
     /// A shaft follows the angle of its target with critical damping: its lag e obeys e'' + 2 e'/T + e/T² = 0 while the
     /// target is constant.
     pub fn turn(&mut self, target: [f64; 2], passed_s: f64) -> [f64; 2] {
-        let left = (-passed_s / MOTOR_S).exp();
+        let left = exp(-passed_s / MOTOR_S);
         for ((speed, behind), target) in self.speeds.iter_mut().zip(&mut self.behind).zip(target) {
             let before = *speed;
             let slower = target - before;

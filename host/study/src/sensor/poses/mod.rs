@@ -19,6 +19,7 @@ use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, RawReading, Rests};
 use miette::Diagnostic;
+use sim::functions::hypot;
 use thiserror::Error;
 
 /// Smallest cosine between an axis and the vertical in its pose: 18°.
@@ -171,15 +172,15 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     // An axis that leans by θ reads the cosine, 1 - θ²/2. θ² is the sum of the mean squares about two axes.
     let cosine = placement * placement;
     // The readings of the other axes in its poses: its lean due to the mounting, plus their cross-axis terms.
-    let lean = |i: usize| (0..3).filter(|j| *j != i).map(|j| half_difference(j, i)).fold(0.0, f64::hypot);
+    let lean = |i: usize| (0..3).filter(|j| *j != i).map(|j| half_difference(j, i)).fold(0.0, hypot);
     let accel_scale = std::array::from_fn(|i| {
         let value = half_difference(i, i) / (1.0 - cosine) - 1.0;
-        Estimate { value, u: cosine.hypot(lean(i) * lean(i)) }
+        Estimate { value, u: hypot(cosine, lean(i) * lean(i)) }
     });
     // Each of the two forces has the cosine of its own placement, in addition to a common lean; noise is far smaller.
     let accel_offset_g: [Estimate; 3] = std::array::from_fn(|i| {
         let value = 0.5 * (force(i, 2 * i) + force(i, 2 * i + 1));
-        Estimate { value, u: cosine.hypot(lean(i) * tilt_u).hypot(1e-4) }
+        Estimate { value, u: hypot(hypot(cosine, lean(i) * tilt_u), 1e-4) }
     });
     let mut accel_cross = [[Estimate::default(); 3]; 3];
     let mut mounting_deg = [Estimate::default(); 3];
@@ -197,13 +198,13 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     let freedom = fits.iter().map(|fit| fit.freedom).sum::<usize>();
     let drift_dps = (fits.iter().map(|fit| fit.squares).sum::<f64>() / freedom as f64).sqrt();
     // The direction of gravity is as uncertain as the accelerometer's axes.
-    let direction_u = accel_cross[0][1].u.hypot(tilt_u);
-    let sensitivity = |i: usize| fits[i].values[1..4].iter().copied().fold(0.0, f64::hypot);
+    let direction_u = hypot(accel_cross[0][1].u, tilt_u);
+    let sensitivity = |i: usize| fits[i].values[1..4].iter().copied().fold(0.0, hypot);
     let gyro_g_dps = std::array::from_fn(|i| {
         std::array::from_fn(|j| {
-            let noise = 0.5 * poses[2 * j].rate_u_dps()[i].hypot(poses[2 * j + 1].rate_u_dps()[i]);
+            let noise = 0.5 * hypot(poses[2 * j].rate_u_dps()[i], poses[2 * j + 1].rate_u_dps()[i]);
             let scatter = expanded(drift_dps * fits[i].factors[j + 1], freedom).max(noise);
-            Estimate { value: fits[i].values[j + 1], u: scatter.hypot(direction_u * sensitivity(i)) }
+            Estimate { value: fits[i].values[j + 1], u: hypot(scatter, direction_u * sensitivity(i)) }
         })
     });
     Some(PosesResult { accel_scale, accel_offset_g, accel_cross, mounting_deg, gyro_g_dps, drift_dps })

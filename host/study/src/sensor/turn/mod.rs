@@ -21,6 +21,7 @@ pub use result::TurnResult;
 use super::file::{AXES, MeasuredSensor};
 use super::reading::{Mean, Motion, RawReading, Rests};
 use result::{evaluate, unit};
+use sim::functions::hypot;
 
 /// Shortest rest, s.
 pub const REST_S: f64 = 3.0;
@@ -291,7 +292,7 @@ fn turn(readings: &[RawReading], from: &Mean, to: &Mean) -> Turn {
         }
     }
     let [u_from, u_to] = [from.rate_u_dps(), to.rate_u_dps()];
-    let noise_deg = std::array::from_fn(|i| 0.5 * length_s * u_from[i].hypot(u_to[i]));
+    let noise_deg = std::array::from_fn(|i| 0.5 * length_s * hypot(u_from[i], u_to[i]));
     Turn { angle_deg, noise_deg, length_s }
 }
 

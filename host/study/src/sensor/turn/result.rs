@@ -4,6 +4,7 @@ use super::super::file::{AXES, MeasuredSensor, pair};
 use super::super::least_squares::{Fit, expanded};
 use super::super::{Estimate, Sensor};
 use super::{Turn, TurnPlan};
+use sim::functions::{hypot, powi};
 
 /// Tolerance within which the operator places the axis upright, in a mounting, rad: 3°. An unmeasured accelerometer is
 /// less accurate.
@@ -52,7 +53,7 @@ pub(super) fn evaluate(
         Some(expanded(deviation, fits[i].freedom))
     };
     let noise = |i: usize| {
-        let squares: f64 = turns.iter().map(|turn| turn.noise_deg[i].powi(2)).sum();
+        let squares: f64 = turns.iter().map(|turn| powi(turn.noise_deg[i], 2)).sum();
         squares.sqrt() / (turns.len() as f64 * plan.degrees)
     };
     let statistical = |i: usize| spread(i).unwrap_or(0.0).max(noise(i));
@@ -61,17 +62,17 @@ pub(super) fn evaluate(
 
     // The effect of the other axes on the reading, because the axis leans, and its uncertainty.
     let leaned: f64 = others().map(|j| before.gyro_cross[axis][j].value * up[j]).sum();
-    let leaned_u: f64 = others().map(|j| before.gyro_cross[axis][j].u * up[j]).fold(0.0, f64::hypot);
-    let cosine_u: f64 = others().map(|j| up[j] * up_u[j]).fold(0.0, f64::hypot);
+    let leaned_u: f64 = others().map(|j| before.gyro_cross[axis][j].u * up[j]).fold(0.0, hypot);
+    let cosine_u: f64 = others().map(|j| up[j] * up_u[j]).fold(0.0, hypot);
     let reference_u = reference_deg / 3f64.sqrt() / plan.degrees;
     let value = (share(axis) * sense - leaned) / up[axis] - 1.0;
-    let u = [statistical(axis), reference_u, leaned_u, cosine_u].into_iter().fold(0.0, f64::hypot);
+    let u = [statistical(axis), reference_u, leaned_u, cosine_u].into_iter().fold(0.0, hypot);
 
     let is_consistent = sense > 0.0;
     let cross = std::array::from_fn(|i| {
         (i != axis && is_consistent).then(|| {
             let value = (share(i) - up[i]) / up[axis];
-            combined(Estimate { value, u: statistical(i).hypot(up_u[i]) }, before_turns(&sheet, i, axis))
+            combined(Estimate { value, u: hypot(statistical(i), up_u[i]) }, before_turns(&sheet, i, axis))
         })
     });
     Some(TurnResult {
@@ -89,8 +90,8 @@ pub(super) fn evaluate(
 /// Returns the data sheet's share of the rate about axis j in the reading of axis i, relative to the accelerometer's
 /// axes. These are turned by half the difference of two of the accelerometer's cross-axis terms ([`super::poses`]).
 fn before_turns(sheet: &Sensor, i: usize, j: usize) -> Estimate {
-    let turned_u = 0.5 * sheet.accel_cross[i][j].u.hypot(sheet.accel_cross[j][i].u);
-    Estimate { u: sheet.gyro_cross[i][j].u.hypot(turned_u), ..sheet.gyro_cross[i][j] }
+    let turned_u = 0.5 * hypot(sheet.accel_cross[i][j].u, sheet.accel_cross[j][i].u);
+    Estimate { u: hypot(sheet.gyro_cross[i][j].u, turned_u), ..sheet.gyro_cross[i][j] }
 }
 
 /// Fits the angle about axis i at the rests (see the parent module). The slope is the last coefficient.
@@ -124,11 +125,11 @@ fn vertical(force_g: [f64; 3], axis: usize, known: &MeasuredSensor) -> ([f64; 3]
     });
     let up = unit(force);
     let u: [f64; 3] = std::array::from_fn(|i| {
-        let crossed = others(i).map(|j| sensor.accel_cross[i][j].u * up[j]).fold(0.0, f64::hypot);
-        offset(i).u.hypot(crossed).hypot(sensor.accel_scale[i].u * up[i])
+        let crossed = others(i).map(|j| sensor.accel_cross[i][j].u * up[j]).fold(0.0, hypot);
+        hypot(hypot(offset(i).u, crossed), sensor.accel_scale[i].u * up[i])
     });
     let across: [Estimate; 3] = std::array::from_fn(|i| combined(Estimate { value: up[i], u: u[i] }, UPRIGHT));
-    let squares: f64 = others(axis).map(|i| across[i].value.powi(2)).sum();
+    let squares: f64 = others(axis).map(|i| powi(across[i].value, 2)).sum();
     let upright = (1.0 - squares).max(0.0).sqrt() * up[axis].signum();
     let direction = std::array::from_fn(|i| if i == axis { upright } else { across[i].value });
     (direction, across.map(|across| across.u))
@@ -141,7 +142,7 @@ pub(super) fn unit(vector: [f64; 3]) -> [f64; 3] {
 
 /// Returns the mean of a measured value and a prior value, weighted by their uncertainties.
 fn combined(measured: Estimate, before: Estimate) -> Estimate {
-    let [a, b] = [measured.u, before.u].map(|u| u.powi(-2));
+    let [a, b] = [measured.u, before.u].map(|u| powi(u, -2));
     Estimate { value: (a * measured.value + b * before.value) / (a + b), u: (a + b).sqrt().recip() }
 }
 

@@ -5,6 +5,7 @@ use crate::sensor::MOUNTING_YAW;
 use crate::trial::OverTime;
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::DMatrix;
+use sim::functions::powi;
 
 /// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
 /// the sensor's filter.
@@ -34,7 +35,7 @@ impl TrialErrors {
             let (turned, last) = (&measured[k], measured[k].len().saturating_sub(1));
             let rate = |i: usize| (turned[(i + 1).min(last)] - turned[i.saturating_sub(1)]) / (2.0 * block_s);
             let of_model = |i: usize, j: usize| {
-                SOLVER_ERROR.powi(2) * turned[i] * turned[j] + TIMING_S.powi(2) * rate(i) * rate(j)
+                powi(SOLVER_ERROR, 2) * turned[i] * turned[j] + powi(TIMING_S, 2) * rate(i) * rate(j)
             };
             DMatrix::from_fn(turned.len(), turned.len(), |i, j| errors[k].own[(i, j)] + quiet_deg2 + of_model(i, j))
         });

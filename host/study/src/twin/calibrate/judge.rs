@@ -8,6 +8,7 @@ use super::{ASSUMED_REST_DEG, Blocks, Parameter};
 use crate::text;
 use nalgebra::DMatrix;
 use sim::accuracy::ModelError;
+use sim::functions::powi;
 
 /// Largest correlation between two separable parameters.
 const MAX_CORRELATION: f64 = 0.95;
@@ -120,7 +121,7 @@ pub(super) fn misfits(
 
 /// Returns the root mean squares of an angle's residuals and of their noise, degrees.
 fn residual_and_noise(errors: &TrialErrors, angle: usize, residuals: &[f64]) -> [f64; 2] {
-    let noise = errors.own[angle].diagonal().iter().map(|variance| variance + ASSUMED_REST_DEG.powi(2)).sum::<f64>();
+    let noise = errors.own[angle].diagonal().iter().map(|variance| variance + powi(ASSUMED_REST_DEG, 2)).sum::<f64>();
     let square = residuals.iter().map(|residual| residual * residual).sum::<f64>();
     [square, noise].map(|sum| (sum / residuals.len().max(1) as f64).sqrt())
 }

@@ -52,6 +52,7 @@ use parameter::wrapped;
 use problem::{Given, Problem};
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
+use sim::functions::{hypot, powi};
 use sim::params::Robot;
 use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -224,10 +225,10 @@ impl Spread {
         let scatter = by_scatter * (independent / degrees_of_freedom).max(1.0);
         let mut covariance = stated + &scatter;
         for (i, parameter) in parameters.iter().enumerate() {
-            covariance[(i, i)] += parameter.solver_error().powi(2);
+            covariance[(i, i)] += powi(parameter.solver_error(), 2);
         }
         // Welch and Satterthwaite (GUM, G.2b): all other causes are of type B.
-        let effective = |i: usize| degrees_of_freedom * (covariance[(i, i)] / scatter[(i, i)]).powi(2);
+        let effective = |i: usize| degrees_of_freedom * powi(covariance[(i, i)] / scatter[(i, i)], 2);
         Ok(Self {
             quantiles: (0..parameters.len()).map(|i| student_95(effective(i))).collect(),
             model_errors: trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(model_error)),
@@ -258,7 +259,7 @@ fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<Estimate>
         let value = if parameter.is_angle() { wrapped(value) } else { value };
         let deviation = spread.deviation(i);
         let model_error = spread.model_errors.as_ref().map(|errors| errors[i]);
-        let half = (spread.quantiles[i] * deviation).hypot(model_error.unwrap_or_default());
+        let half = hypot(spread.quantiles[i] * deviation, model_error.unwrap_or_default());
         Estimate {
             name: parameter.name(),
             key: parameter.key(closure),
@@ -315,7 +316,7 @@ fn mounting(trials: &[FitTrial]) -> Mounting {
     let count = trials.len() as f64;
     let mean = [0, 1].map(|k| trials.iter().map(|trial| trial.askew_deg[k]).sum::<f64>() / count);
     let error = [0, 1].map(|k| {
-        let squares: f64 = trials.iter().map(|trial| (trial.askew_deg[k] - mean[k]).powi(2)).sum();
+        let squares: f64 = trials.iter().map(|trial| powi(trial.askew_deg[k] - mean[k], 2)).sum();
         (squares / (count - 1.0) / count).sqrt()
     });
     let [pitch_deg, roll_deg] = mean;

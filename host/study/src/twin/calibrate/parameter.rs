@@ -1,6 +1,7 @@
 //! Parameters that can be fitted.
 
 use sim::body::closure::Closure;
+use sim::functions::exp;
 use sim::params::{HeadShape, Robot};
 use std::str::FromStr;
 
@@ -132,7 +133,7 @@ impl Parameter {
     pub(super) fn value(self, start: &Robot, closure: Closure, moved: f64) -> f64 {
         let mut robot = start.clone();
         if let Some(place) = self.place(&mut robot, closure) {
-            return *place * moved.exp();
+            return *place * exp(moved);
         }
         let [one, two] = start.flagellum.phase_deg;
         let from = match self {
@@ -151,14 +152,14 @@ impl Parameter {
     /// Returns the bounds of an interval about the value, given its half width in the fit's variable.
     pub(super) fn bounds(self, value: f64, half: f64) -> [f64; 2] {
         let bound =
-            |side: f64| if self.is_angle() { value + (side * half).to_degrees() } else { value * (side * half).exp() };
+            |side: f64| if self.is_angle() { value + (side * half).to_degrees() } else { value * exp(side * half) };
         [bound(-1.0), bound(1.0)]
     }
 
     /// Sets the parameter of a robot.
     pub(super) fn put(self, robot: &mut Robot, closure: Closure, moved: f64) {
         if let Some(place) = self.place(robot, closure) {
-            *place *= moved.exp();
+            *place *= exp(moved);
         }
         let [one, two] = &mut robot.flagellum.phase_deg;
         if self == Self::PhaseBoth {

@@ -6,8 +6,9 @@ use super::parameter::Parameter;
 use super::weights::Weights;
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::storage::Owned;
-use nalgebra::{DMatrix, DVector, Dyn, Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, Vector3};
 use rayon::prelude::*;
+use sim::body::attitude::{euler_zyx, of_euler_zyx, of_vector};
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::step::InversesAtRest;
@@ -197,12 +198,12 @@ fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
 
 /// Returns the blocks of a sensor rotated by `yaw` (rad) about z in the body.
 fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
-    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
+    let turn = of_vector(Vector3::z() * yaw);
     let mut result: Blocks = Default::default();
     for ((psi, theta), phi) in blocks[0].iter().zip(&blocks[1]).zip(&blocks[2]) {
         // Only the tilt changes: a rotation about z commutes with the yaw, so the yaw keeps its full turns.
-        let tilt = Rotation3::from_euler_angles(phi.to_radians(), theta.to_radians(), 0.0);
-        let (roll, pitch, rest) = (tilt * turn).euler_angles();
+        let tilt = of_euler_zyx([0.0, theta.to_radians(), phi.to_radians()]);
+        let [rest, pitch, roll] = euler_zyx(&(tilt * turn));
         result[0].push(psi + (rest - yaw).to_degrees());
         result[1].push(pitch.to_degrees());
         result[2].push(roll.to_degrees());

@@ -5,6 +5,7 @@ use super::problem::Problem;
 use super::{Blocks, TwinError, failed};
 use nalgebra::{DMatrix, DVector};
 use sim::accuracy::ModelError;
+use sim::functions::hypot;
 
 /// The fit's linear response to errors of its data.
 pub(super) struct Response<'a, 'b> {
@@ -96,7 +97,7 @@ impl<'a, 'b> Response<'a, 'b> {
         };
         let yaw = share([error.yaw(), 0.0, 0.0]);
         let tilt = share([0.0, error.tilt(), error.tilt()]);
-        yaw.iter().zip(&tilt).map(|(yaw, tilt)| yaw.hypot(*tilt)).collect()
+        yaw.iter().zip(&tilt).map(|(yaw, tilt)| hypot(*yaw, *tilt)).collect()
     }
 
     /// Returns the change of each parameter due to errors of the data.

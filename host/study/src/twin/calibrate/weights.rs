@@ -19,6 +19,7 @@ use crate::twin::sensor_key::SensorKey;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+use sim::functions::powi;
 
 /// The factored covariance of the data of all trials.
 pub(super) struct Weights {
@@ -58,7 +59,7 @@ impl Weights {
     pub fn new(trials: &[&TrialErrors], rest_deg: f64) -> Result<Self, TwinError> {
         let one = |trial: &&TrialErrors| {
             let factor = |own: &DMatrix<f64>| {
-                Cholesky::new(own + DMatrix::identity(own.nrows(), own.nrows()) * rest_deg.powi(2))
+                Cholesky::new(own + DMatrix::identity(own.nrows(), own.nrows()) * powi(rest_deg, 2))
             };
             let [Some(yaw), Some(pitch), Some(roll)] = trial.own.each_ref().map(factor) else {
                 return Err(invalid());

@@ -5,6 +5,8 @@
 //! transient alone. A correlation does not depend on scale and zero, so a model that turns too far is not mistaken for
 //! a late one.
 
+use sim::functions::powi;
+
 /// Points per second of a comparison.
 pub(super) const RATE_HZ: f64 = 20.0;
 
@@ -51,7 +53,7 @@ pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
     let now = unexplained(0.0);
     let Some((shift, least)) = left.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
     let is_inside = shift.abs() < LARGEST_S - 0.5 * STEP_S;
-    if is_inside && now > NEGLIGIBLE_DEG.powi(2) && least < (1.0 - EXPLAINED) * now { shift } else { 0.0 }
+    if is_inside && now > powi(NEGLIGIBLE_DEG, 2) && least < (1.0 - EXPLAINED) * now { shift } else { 0.0 }
 }
 
 #[cfg(test)]

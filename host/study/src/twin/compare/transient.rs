@@ -15,6 +15,7 @@ use crate::statistics::ExpectedRms;
 use crate::trial::{BLOCK_S, OverTime};
 use nalgebra::{DMatrix, DVector};
 use sim::accuracy::ModelError;
+use sim::functions::powi;
 use sim::trial::means::settled_within_deg;
 use std::ops::Range;
 
@@ -120,7 +121,7 @@ impl Blocks {
             ExpectedRms::new(&covariance.view((0, 0), (before, before)).into_owned(), uncertainty.degrees_of_freedom);
         let model_error_deg = model.map(|model| {
             let squares =
-                self.blocks[..before].iter().map(|block| model.of_modelled_deg(block.modelled_deg)[angle].powi(2));
+                self.blocks[..before].iter().map(|block| powi(model.of_modelled_deg(block.modelled_deg)[angle], 2));
             (squares.sum::<f64>() / before as f64).sqrt()
         });
         Some(Transient {

@@ -12,6 +12,7 @@ use crate::plan::Trial;
 use crate::session::Attempt;
 use crate::trial::{Data, LogFinding, Want};
 use rayon::prelude::*;
+use sim::functions::powi;
 use std::path::{Path, PathBuf};
 
 /// Pairs of trials to compare.
@@ -151,7 +152,7 @@ fn sum_up<T>(
         _ => {}
     }
     let rms = |of: &dyn Fn(&Comparison) -> f64| {
-        let sum: f64 = trials.iter().map(|trial| of(trial).powi(2)).sum();
+        let sum: f64 = trials.iter().map(|trial| powi(of(trial), 2)).sum();
         (!trials.is_empty()).then(|| (sum / trials.len() as f64).sqrt())
     };
     let rms_of = |of: fn(&AngleComparison) -> f64| [0, 1, 2].map(|k| rms(&|trial| of(trial.angles()[k])));

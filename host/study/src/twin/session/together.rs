@@ -5,6 +5,7 @@ use crate::attitude::student_95;
 use crate::statistics::{ExpectedRms, beyond_chance};
 use crate::twin::{AngleComparison, Comparison, Uncertainty};
 use nalgebra::DMatrix;
+use sim::functions::powi;
 
 /// Share of tests that find a difference although there is none.
 const ALARMS: f64 = 0.05;
@@ -24,17 +25,17 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         let (one, other) = (&angle(i).effects_deg, &angle(j).effects_deg);
         if i == j {
-            return uncertainty(i).u_deg.powi(2);
+            return powi(uncertainty(i).u_deg, 2);
         }
         let is_one_sensor = trials[i].sensors == trials[j].sensors;
         let sensor = if is_one_sensor { one.iter().zip(other).map(|(one, other)| one * other).sum() } else { 0.0 };
         // Several repeats may be compared with the same recording.
         let is_one_trial = trials[i].modelled == trials[j].modelled;
-        sensor + if is_one_trial { angle(i).other_u_deg.powi(2) } else { 0.0 }
+        sensor + if is_one_trial { powi(angle(i).other_u_deg, 2) } else { 0.0 }
     });
     // Welch and Satterthwaite: the sensor's errors are known with infinitely many degrees of freedom.
-    let spread: f64 = (0..count).map(|i| uncertainty(i).u_deg.powi(4) / uncertainty(i).degrees_of_freedom).sum();
-    let freedom = |variance: f64| if spread > 0.0 { variance.powi(2) / spread } else { f64::INFINITY };
+    let spread: f64 = (0..count).map(|i| powi(uncertainty(i).u_deg, 4) / uncertainty(i).degrees_of_freedom).sum();
+    let freedom = |variance: f64| if spread > 0.0 { powi(variance, 2) / spread } else { f64::INFINITY };
     let number = count as f64;
     let errors = || (0..count).map(|i| angle(i).error_deg);
     let expected = ExpectedRms::new(&covariance, freedom(covariance.trace()));
