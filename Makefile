@@ -111,6 +111,9 @@ test: build python
 proof: build
 	@sh firmware/setup.sh test
 	$(CARGO) test --release --locked -p biflag-log --features generate --lib schema
+	@sh firmware/setup.sh proof
+	for cpu in Haswell Nehalem qemu64; do CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="qemu-x86_64 -cpu $$cpu" \
+		$(CARGO) test --release --locked -p sim --lib same_bits || exit; done
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture

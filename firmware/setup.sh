@@ -1,12 +1,13 @@
 #!/bin/sh
-# Installs the system packages for Biflag's build, with `test` also those for its tests, with `dist` those for its packages, with
-# `arm64` those for its packages for arm64, and prints them first. Does nothing if all are installed.
+# Installs the system packages for Biflag's build, with `test` also those for its tests, with `proof` the emulator of other
+# processors, with `dist` those for its packages, with `arm64` those for its packages for arm64, and prints them first. Does nothing if all are installed.
 set -eu
 cd "$(dirname "$0")"
 
 packages="gcc g++ pkg-config gcc-avr avr-libc binutils-avr avrdude libsimavr-dev libelf-dev arduino-core-avr python3-venv"
 # The tests open the pages that `biflag report` writes in a real browser, and print them.
 [ "${1:-}" != test ] || packages="$packages chromium poppler-utils fonts-dejavu-core"
+[ "${1:-}" != proof ] || packages="$packages qemu-user"
 [ "${1:-}" != dist ] || packages="$packages dpkg-dev debootstrap xz-utils"
 case ${1:-} in
     arm64)
