@@ -230,7 +230,8 @@ impl Still<'_> {
             // Solves with the factors: a product with the inverse would lose the small differences between large
             // evidences.
             let mean = sizes * factored.solve(&(sizes * along));
-            let evidence = 0.5 * (along.dot(&mean) - factored.ln_determinant());
+            let ln_determinant = factored.l_dirty().diagonal().iter().map(|pivot| 2.0 * ln(*pivot)).sum::<f64>();
+            let evidence = 0.5 * (along.dot(&mean) - ln_determinant);
             let log_weight = evidence + ln(priors.iter().product::<f64>());
             Some(Combination { log_weight, mean, covariance: sizes * factored.inverse() * sizes })
         };

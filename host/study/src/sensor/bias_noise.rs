@@ -62,7 +62,8 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
             let Some(factored) = (&own + &walk * powi(k, 2)).cholesky() else { continue };
             let log_prior = log_prior(k / USUAL_WALK) + log_prior(instability / USUAL_INSTABILITY_DPS);
             let misfit = rates.dot(&factored.solve(&rates));
-            tried.push(([k, instability], log_prior - 0.5 * (misfit + factored.ln_determinant())));
+            let ln_determinant = factored.l_dirty().diagonal().iter().map(|pivot| 2.0 * ln(*pivot)).sum::<f64>();
+            tried.push(([k, instability], log_prior - 0.5 * (misfit + ln_determinant)));
         }
     }
     let best = tried.iter().map(|(_, weight)| *weight).fold(f64::NEG_INFINITY, f64::max);
