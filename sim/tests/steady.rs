@@ -40,30 +40,31 @@ fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> Periodic {
 
 #[test]
 fn solved_states_are_those_that_trials_end_in() {
-    for (rpm, start, kind, allowed_deg) in [
-        ([50.0, 10.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([-60.0, 60.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([90.0, 90.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([0.0, 30.0], [0.0, 0.0], Kind::Steady, 0.1),
+    for (rpm, start, kind) in [
+        ([50.0, 10.0], [0.0, 0.0], Kind::Steady),
+        ([-60.0, 60.0], [0.0, 0.0], Kind::Steady),
+        ([90.0, 90.0], [0.0, 0.0], Kind::Steady),
+        ([0.0, 30.0], [0.0, 0.0], Kind::Steady),
         // The phase decides to which side a flagellum that stands leans the robot.
-        ([0.0, 30.0], [180.0, 0.0], Kind::Steady, 0.1),
-        ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([0.0, 30.0], [180.0, 0.0], Kind::Steady),
+        ([0.0, 0.0], [0.0, 0.0], Kind::Steady),
         // No common period: means over both motor angles.
-        ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
+        ([37.0, 53.0], [0.0, 0.0], Kind::Beating),
         // There are two stable motions, with yaws of -82.65 and -80.02 degrees; a trial ends in the second one.
-        ([80.66, 0.0], [0.0, 0.0], Kind::Beating, 0.1),
+        ([80.66, 0.0], [0.0, 0.0], Kind::Beating),
         // The flagella touch in each turn.
-        ([80.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([-60.0, -60.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([80.0, 40.0], [0.0, 0.0], Kind::Steady),
+        ([-60.0, -60.0], [0.0, 0.0], Kind::Steady),
+        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady),
     ] {
         let (solved, trial) = (solve(rpm, start), trial(rpm, start));
-        let [yaw, pitch, roll] = [0, 1, 2]
-            .map(|i| (solved.summary.steady.attitude[i].mean - trial.steady.attitude[i].mean).to_degrees().abs());
         println!("{rpm:?} from {start:?} deg: {:?} after {:.0} s", solved.kind, solved.simulated_s);
         assert_eq!((solved.kind, solved.summary.steady.settled), (kind, true), "{rpm:?} {start:?}");
-        prove(&format!("steady state of {rpm:?}: yaw against the trial, deg"), yaw, allowed_deg);
-        prove(&format!("steady state of {rpm:?}: tilt against the trial, deg"), pitch.hypot(roll), allowed_deg);
+        let angles = solved.summary.steady.attitude.iter().zip(&trial.steady.attitude);
+        for (name, (solved, trial)) in ["yaw", "pitch", "roll"].into_iter().zip(angles) {
+            let off = (solved.mean - trial.mean).abs() / (solved.uncertainty() + trial.uncertainty());
+            prove(&format!("steady state of {rpm:?}: {name} against the trial, over both ±"), off, 1.0);
+        }
         let thrust = |summary: &Summary, k: usize| summary.steady.force[k][2].mean * 1e3;
         let off = (0..2).map(|k| (thrust(&solved.summary, k) - thrust(&trial, k)).abs()).fold(0.0, f64::max);
         prove(&format!("steady state of {rpm:?}: thrusts against the trial, mN"), off, 0.1);
@@ -77,6 +78,7 @@ fn a_run_without_a_search_has_the_values_of_a_trial() {
         let mut robot = Robot::default();
         // The solution ends a step where its window begins, which a trial does not: with short steps that is no difference.
         robot.solver.step_error *= 0.1;
+        robot.solver.step_rad *= 0.2;
         robot.solver.tolerance *= 0.1;
         let solved = steady::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| true).expect("a run");
         let profile = SpeedProfile::constant(rpm, longest_s).expect("a profile");
@@ -132,7 +134,10 @@ fn samples_are_those_of_the_results() {
         }
         let yaw: f64 = samples.windows(2).map(|pair| 0.5 * (pair[0].yaw_rad + pair[1].yaw_rad)).sum();
         let off = yaw / (samples.len() - 1) as f64 - plain.summary.steady.attitude[0].mean;
-        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), 0.05);
+        // A mean over another time differs by no more than its ±.
+        let stated = plain.summary.steady.attitude[0].uncertainty().to_degrees();
+        let allowed = if is_longer { stated.clamp(0.05, 0.5) } else { 0.05 };
+        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), allowed);
     }
 }
 

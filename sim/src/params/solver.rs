@@ -16,7 +16,7 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverSettings {
-    /// Estimated error of a step above which steps become shorter (7e-4): root mean square displacement of the flagella
+    /// Estimated error of a step above which steps become shorter (5e-4): root mean square displacement of the flagella
     /// against the fluid, over the radius of the helix. [`crate::step::StepControl`] lists the resulting errors of
     /// means.
     pub step_error: f64,
@@ -53,7 +53,7 @@ fn single<'de, D: Deserializer<'de>>(value: D) -> Result<Precision, D::Error> {
 impl Default for SolverSettings {
     fn default() -> Self {
         Self {
-            step_error: 7e-4,
+            step_error: 5e-4,
             step_rad: 0.3,
             longest_step_s: 0.1,
             tolerance: 0.02,

@@ -31,8 +31,8 @@ const FIRST_LEVEL: u32 = 3;
 const REJECTED: f64 = 4.0;
 /// Largest error of a step of any length, in helix radii.
 const RESOLVED: f64 = 0.05;
-/// After a step with an error below this share of the bound, the next one may be longer: twice the length has up to 16
-/// times the error.
+/// After a step with an error below this share of the bound, the next one may be longer: twice the length has up to 32
+/// times the error, which is still accepted.
 const EASY: f64 = 1.0 / 8.0;
 /// After a step with this many sweeps or more, the next one is not longer.
 const EASY_SWEEPS: u32 = 9;
@@ -45,8 +45,11 @@ const EASY_ANGLE: f64 = 4.0 * PI;
 const CONTACT_LEVEL: u32 = 4;
 /// Steps after contact in which motion is not yet free.
 const POST_CONTACT_STEPS: u32 = 40;
-/// Steps after contact in which the prediction takes one point less: the motion had a kink.
+/// Steps after contact in which formulas take one point less, and the prediction another: the motion had a kink.
 const KINK_STEPS: u32 = 4;
+/// Steps below this angle, rad, take one point less, and so do clamps that do not move, with one sweep a step: there the error
+/// is small, and formulas of all points amplify what iterations leave, even of a robot at rest.
+const LEAST_ANGLE: f64 = 0.1;
 /// Motors slower than this, rad/s, do not limit the step.
 const LEAST_SPEED: f64 = 1e-9;
 /// A remaining time of up to this many steps is taken in one step, so that no sliver remains.
@@ -103,21 +106,27 @@ impl StepControl {
         loop {
             let length = self.length(solver, state, until, motors);
             let kink = self.steps_since_contact < KINK_STEPS;
+            let end = motors(state.time + length);
+            let angle = length * fastest(end.map(|m| m.speed));
+            let lower = kink || angle < LEAST_ANGLE || !solver.model().two_way();
+            let points = if lower { POINTS - 1 } else { POINTS };
             let attempt = Attempt {
                 length,
-                motors: motors(state.time + length),
-                prediction_points: if kink { POINTS - 1 } else { POINTS },
+                motors: end,
+                points,
+                prediction_points: if kink { points - 1 } else { points },
                 own_inverses: self.own_inverses,
                 allowed_error: self.allowed_error(solver),
             };
             let left = until - state.time;
+            let has_estimate = attempt.has_estimate(state);
             match solver.step(state, &attempt) {
                 Ok(report) => {
                     if length >= left {
                         // A sum of steps may miss the end by a rounding error, and leave a sliver.
                         state.time = until;
                     }
-                    self.succeeded(solver, &report, length * fastest(attempt.motors.map(|m| m.speed)));
+                    self.succeeded(solver, &report, has_estimate, angle);
                     return Ok(report);
                 }
                 Err(StepFailure::Stalled { .. } | StepFailure::Diverged)
@@ -154,8 +163,9 @@ impl StepControl {
         (self.level, self.easy_steps) = (level, 0);
     }
 
-    /// Adapts the level to an accepted step. `angle`: angle of the step, rad.
-    fn succeeded(&mut self, solver: &Solver, report: &StepReport, angle: f64) {
+    /// Adapts the level to an accepted step. `has_estimate`: whether its error is known, without which the next one is not
+    /// longer; `angle`: angle of the step, rad.
+    fn succeeded(&mut self, solver: &Solver, report: &StepReport, has_estimate: bool, angle: f64) {
         let model = solver.model();
         let settings = &model.robot.solver;
         let error = report.error / (settings.step_error * model.radius());
@@ -169,7 +179,7 @@ impl StepControl {
         } else if error > EASY || report.sweeps >= EASY_SWEEPS {
             self.easy_steps = 0;
             self.held = if self.held > 0.0 { EASY_ANGLE } else { 0.0 };
-        } else {
+        } else if has_estimate {
             self.easy_steps += 1;
             self.held = (self.held - angle).max(0.0);
             if self.level > 0 && self.easy_steps >= EASY_STEPS && self.held == 0.0 {

@@ -1,23 +1,30 @@
-//! Time formulas that are exact for {1, t, cos wt, sin wt} on any grid.
+//! Time formulas that are exact for {1, t, t^2, cos wt, sin wt} on any grid.
 //!
 //! In the frame that rotates with a motor the shape of a flagellum is not steady: its sideways
 //! deflection is steady in the laboratory and so rotates at the motor's speed. A backward formula that
 //! is exact for that motion (trigonometric fitting, Gautschi 1961) takes steps ten times longer than
-//! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an even grid the
-//! formula becomes BDF3.
+//! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3, t^4}, and on an even grid the
+//! formula becomes BDF4.
+//!
+//! The other flagellum and the tilted base move a flagellum with other frequencies: the difference of the motors' speeds, and
+//! twice its own. There the formula is one of fourth order. One of third order ({1, t, cos wt, sin wt}) tilts the base by up to
+//! 0.3 deg at fast opposite speeds with steps of 0.3 rad, because errors of oscillations do not average out of a load that
+//! depends on the shape.
 
 use crate::functions::{cos, powi, sin};
 use crate::linear::eliminate;
 
 /// Points a formula can use.
-pub const POINTS: usize = 4;
+pub const POINTS: usize = 5;
 
-/// Below these angles (rad) the sine with the versine, and the cubic, come from their series: the closed forms cancel.
-const SERIES: [f64; 2] = [0.05, 0.1];
+/// Below these angles (rad) the sine with the versine, the cubic and the quartic come from their series: the closed forms
+/// cancel.
+const SERIES: [f64; 3] = [0.05, 0.1, 0.2];
 
 /// Returns the values of the basis at time `tau`, scaled so that it stays regular as the angle goes to 0.
 ///
-/// Two points: {1, t}; three: {1, sin, 1 - cos}; four: {1, t, 1 - cos, wt - sin}, each over its leading power.
+/// Two points: {1, t}; three: {1, sin, 1 - cos}; four: {1, t, 1 - cos, wt - sin}; five: {1, t, t^2, wt - sin, cos - 1 + (wt)^2/2};
+/// each over its leading power.
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
@@ -32,11 +39,17 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     } else {
         6.0 * (x - sin(x)) / powi(angle, 3)
     };
+    let quartic = if x.abs() < SERIES[2] {
+        powi(tau, 4) * (1.0 - x2 / 30.0 + x2 * x2 / 1680.0 - powi(x2, 3) / 151_200.0)
+    } else {
+        24.0 * (cos(x) - 1.0 + 0.5 * x2) / powi(angle, 4)
+    };
     match points {
-        1 => [1.0, 0.0, 0.0, 0.0],
-        2 => [1.0, tau, 0.0, 0.0],
-        3 => [1.0, sine, versine, 0.0],
-        _ => [1.0, tau, versine, cubic],
+        1 => [1.0, 0.0, 0.0, 0.0, 0.0],
+        2 => [1.0, tau, 0.0, 0.0, 0.0],
+        3 => [1.0, sine, versine, 0.0, 0.0],
+        4 => [1.0, tau, versine, cubic, 0.0],
+        _ => [1.0, tau, tau * tau, cubic, quartic],
     }
 }
 
@@ -59,16 +72,16 @@ fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
 
 /// Returns the weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).
 ///
-/// `times`: 0 first, then the past in units of the step (-1, -2, ...), at most four, all different;
+/// `times`: 0 first, then the past in units of the step (-1, -2, ...), at most five, all different;
 /// `angle`: w times the step, rad.
 pub fn derivative(angle: f64, times: &[f64]) -> [f64; POINTS] {
-    weights(angle, times, [0.0, 1.0, 0.0, 0.0])
+    weights(angle, times, [0.0, 1.0, 0.0, 0.0, 0.0])
 }
 
 /// Returns the weights b_j of the value at `at` from the values at `times`, exact for the same functions.
 pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     let shifted: [f64; POINTS] = std::array::from_fn(|j| times.get(j).map_or(0.0, |t| t - at));
-    weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])
+    weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0, 0.0])
 }
 
 /// Returns the error of a new point over its distance from the extrapolation of the past (Milne 1926).
@@ -88,9 +101,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bdf3_for_a_motor_at_rest() {
-        let a = derivative(0.0, &[0.0, -1.0, -2.0, -3.0]);
-        for (got, want) in a.into_iter().zip([11.0 / 6.0, -3.0, 1.5, -1.0 / 3.0]) {
+    fn bdf4_for_a_motor_at_rest() {
+        let a = derivative(0.0, &[0.0, -1.0, -2.0, -3.0, -4.0]);
+        for (got, want) in a.into_iter().zip([25.0 / 12.0, -4.0, 3.0, -4.0 / 3.0, 0.25]) {
             assert!((got - want).abs() < 1e-13);
         }
     }
@@ -98,27 +111,27 @@ mod tests {
     #[test]
     fn the_error_is_a_share_of_the_distance_from_the_extrapolation() {
         // The first function that the basis lacks.
-        let x = |t: f64| (t + 0.2).powi(4);
-        let times = [0.0, -1.0, -2.6, -3.1, -5.0];
+        let x = |t: f64| (t + 0.2).powi(5);
+        let times = [0.0, -1.0, -2.6, -3.1, -5.0, -5.7];
         let a = derivative(0.0, &times);
         let b = value_at(0.0, &times[1..], 0.0);
         // The new point for which the formula gives the true derivative there.
         let rest: f64 = (1..POINTS).map(|j| a[j] * x(times[j])).sum();
-        let point = (4.0 * 0.2f64.powi(3) - rest) / a[0];
+        let point = (5.0 * 0.2f64.powi(4) - rest) / a[0];
         let extrapolated: f64 = (0..POINTS).map(|j| b[j] * x(times[j + 1])).sum();
-        let share = error_share(a[0], times[4]);
+        let share = error_share(a[0], times[POINTS]);
         assert!(((point - x(0.0)) / (point - extrapolated) - share).abs() < 1e-12);
-        let even = derivative(0.0, &[0.0, -1.0, -2.0, -3.0]);
-        assert!((error_share(even[0], -4.0) - 3.0 / 25.0).abs() < 1e-14);
+        let even = derivative(0.0, &[0.0, -1.0, -2.0, -3.0, -4.0]);
+        assert!((error_share(even[0], -5.0) - 12.0 / 137.0).abs() < 1e-14);
     }
 
     #[test]
     fn exact_for_turning_motion_on_an_uneven_grid() {
-        let times = [0.0, -0.7, -1.9, -2.4];
+        let times = [0.0, -0.7, -1.9, -2.4, -3.6];
         for angle in [1e-6, 0.04, 0.38, 1.0] {
             let (a, b) = (derivative(angle, &times), value_at(angle, &times, 0.6));
-            let x = |t: f64| 0.3 - 0.2 * t + (angle * t + 0.5).cos();
-            let sum = |w: [f64; 4]| -> f64 { w.iter().zip(times).map(|(w, t)| w * x(t)).sum() };
+            let x = |t: f64| 0.3 - 0.2 * t + 0.1 * t * t + (angle * t + 0.5).cos();
+            let sum = |w: [f64; POINTS]| -> f64 { w.iter().zip(times).map(|(w, t)| w * x(t)).sum() };
             assert!((sum(a) - (-0.2 - angle * 0.5f64.sin())).abs() < 1e-9, "{angle}");
             assert!((sum(b) - x(0.6)).abs() < 1e-9, "{angle}");
         }

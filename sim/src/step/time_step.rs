@@ -12,7 +12,9 @@ pub struct Attempt {
     pub length: f64,
     /// The motors at its end.
     pub motors: [MotorState; 2],
-    /// Earlier points that the prediction may use, at most [`POINTS`].
+    /// Points of the time formula and of the extrapolation for its error, at most [`POINTS`].
+    pub points: usize,
+    /// Earlier points that the prediction may use, likewise.
     pub prediction_points: usize,
     /// Whether its frozen inverses are built at the predicted shapes, for rods that are about to buckle. If the step
     /// succeeds, the next ones keep these shapes.
@@ -21,12 +23,21 @@ pub struct Attempt {
     pub allowed_error: f64,
 }
 
+impl Attempt {
+    /// Returns whether the past of a state has enough points for an estimate of the step's error.
+    pub fn has_estimate(&self, state: &State) -> bool {
+        state.past.len() + 1 >= self.points
+    }
+}
+
 /// The weights of a step's formulas.
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
     /// Of the derivative over the step: the new point first, then the past.
     pub derivative: [f64; POINTS],
-    /// Of the prediction: the past, newest first.
+    /// Of the prediction: the past, newest first. From all points it is the mean of the extrapolations from all of them and
+    /// without the oldest one. The first amplifies what the iterations of earlier steps have left, the second is less accurate;
+    /// what two sweeps leave of either shows in the means.
     pub prediction: [f64; POINTS],
     /// Of the extrapolation for the error estimate: the past, newest first.
     pub extrapolation: [f64; POINTS],
@@ -49,8 +60,10 @@ pub struct TimeStep {
     pub points: usize,
     /// Points of the prediction.
     pub prediction_points: usize,
-    /// Points of the extrapolation: all available ones.
+    /// Points of the extrapolation.
     pub past_points: usize,
+    /// Whether they are as many as the attempt wants, which the estimate of the error needs.
+    pub has_estimate: bool,
     /// Weights for each rod, fitted to the speed of its own motor.
     pub rods: [Weights; 2],
     /// Weights for the body. It follows both motors, and the faster one needs the fit.
@@ -65,18 +78,17 @@ impl TimeStep {
         // In units of the step, from its end.
         let mut times = vec![0.0, -1.0];
         times.extend(state.past.iter().map(|p| (p.time - time) / length));
-        let points = POINTS.min(times.len());
-        let past_points = POINTS.min(times.len() - 1);
+        let points = attempt.points.min(times.len());
+        let past_points = attempt.points.min(times.len() - 1);
         let prediction_points = attempt.prediction_points.min(past_points);
         let behind = &times[1..1 + past_points];
         let fitted = |speed: f64| {
             let angle = speed.abs() * length;
             let derivative = derivative(angle, &times[..points]);
             let extrapolation = value_at(angle, behind, 0.0);
-            let prediction = match prediction_points == past_points {
-                true => extrapolation,
-                false => value_at(angle, &behind[..prediction_points], 0.0),
-            };
+            let predictions = [prediction_points, prediction_points.min(POINTS - 1)]
+                .map(|points| value_at(angle, &behind[..points], 0.0));
+            let prediction = std::array::from_fn(|j| 0.5 * (predictions[0][j] + predictions[1][j]));
             let error_share = error_share(derivative[0], behind[past_points - 1]);
             Weights { derivative, prediction, extrapolation, error_share }
         };
@@ -89,6 +101,7 @@ impl TimeStep {
             points,
             prediction_points,
             past_points,
+            has_estimate: attempt.has_estimate(state),
             rods: motors.map(|m| fitted(m.speed)),
             body: fitted(fastest),
         }

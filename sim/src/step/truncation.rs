@@ -14,7 +14,6 @@
 //! base.
 
 use super::flagellum::Flagellum;
-use super::formula::POINTS;
 use super::problem::StepProblem;
 use crate::V3;
 use crate::body::Body;
@@ -24,10 +23,10 @@ use crate::body::attitude::rotation_between;
 /// zero if the past has too few points for an estimate. `next`: the base at its end.
 pub fn error(flagella: &[Flagellum; 2], problem: &StepProblem, next: &Body) -> f64 {
     let StepProblem { state, step, .. } = problem;
-    if step.past_points < POINTS {
+    if !step.has_estimate {
         return 0.0;
     }
-    let past = &state.past[..POINTS - 1];
+    let past = &state.past[..step.past_points - 1];
     let extrapolation = &step.body.extrapolation;
     let mut rotation = rotation_between(&next.attitude, &state.body.attitude) * extrapolation[0];
     for (p, weight) in past.iter().zip(&extrapolation[1..]) {

@@ -122,7 +122,7 @@ impl DenseOutput {
     pub fn push(&mut self, record: StepRecord) {
         let oldest = record.time - self.reach;
         self.records.push_front(record);
-        // Values at the oldest time are interpolated from the four steps about it.
+        // Values at the oldest time are interpolated from the steps about it.
         let within = self.records.partition_point(|r| r.time > oldest);
         self.records.truncate(within.max(1) + POINTS - 1);
     }
@@ -187,7 +187,7 @@ impl DenseOutput {
 fn weights(steps: &[&StepRecord], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
     let newest = steps[0].time;
     let Some(scale) = steps.get(1).map(|r| newest - r.time) else {
-        return [1.0, 0.0, 0.0, 0.0];
+        return std::array::from_fn(|j| if j == 0 { 1.0 } else { 0.0 });
     };
     let times: Vec<f64> = steps.iter().take(points).map(|r| (r.time - newest) / scale).collect();
     value_at(speed.abs() * scale, &times, (time - newest) / scale)
