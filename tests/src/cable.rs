@@ -44,9 +44,10 @@ impl Cable {
         let ends = Arc::new(Ends { pulled: AtomicBool::new(false), from_board: clean(), to_board: clean() });
         let shared = ends.clone();
         let thread = std::thread::spawn(move || {
+            let (mut to_host, mut to_board) = (Vec::new(), Vec::new());
             while !shared.pulled.load(Ordering::Relaxed) {
-                pass(&mut board, &mut host, &shared.from_board);
-                pass(&mut host, &mut board, &shared.to_board);
+                pass(&mut board, &mut host, &shared.from_board, &mut to_host);
+                pass(&mut host, &mut board, &shared.to_board, &mut to_board);
                 std::thread::sleep(Duration::from_micros(500));
             }
         });
@@ -69,13 +70,18 @@ impl Cable {
     }
 }
 
-/// A port that nobody has open cannot be read, and a full one takes no more: those bytes are lost, as on a wire.
-fn pass(from: &mut File, to: &mut File, spoil: &Mutex<Spoil>) {
-    let mut bytes = [0; 4096];
-    let count = from.read(&mut bytes).unwrap_or(0);
-    let spoilt = (spoil.lock().unwrap())(&bytes[..count]);
-    if !spoilt.is_empty() {
-        let _ = to.write(&spoilt);
+/// Passes bytes on. While a full port leaves some of them `waiting`, nothing more is read, so that a board that waits for its
+/// reader also waits for the one behind the cable. A port that nobody has open cannot be read.
+fn pass(from: &mut File, to: &mut File, spoil: &Mutex<Spoil>, waiting: &mut Vec<u8>) {
+    if waiting.is_empty() {
+        let mut bytes = [0; 4096];
+        let count = from.read(&mut bytes).unwrap_or(0);
+        *waiting = (spoil.lock().unwrap())(&bytes[..count]);
+    }
+    if !waiting.is_empty()
+        && let Ok(taken) = to.write(waiting)
+    {
+        waiting.drain(..taken);
     }
 }
 

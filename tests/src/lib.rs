@@ -3,12 +3,14 @@
 
 pub mod browser;
 mod cable;
+mod lateness;
 pub mod markdown;
 pub mod python;
 pub mod synthetic_rig;
 mod viewer;
 
 pub use cable::Cable;
+pub use lateness::Lateness;
 pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;
@@ -61,6 +63,11 @@ impl Bench {
     /// Creates a temporary folder.
     pub fn new() -> Self {
         Self { folder: TempDir::new().expect("a temporary folder") }
+    }
+
+    /// Creates a temporary folder in memory, so that no disk delays what is written.
+    pub fn in_memory() -> Self {
+        Self { folder: TempDir::new_in("/dev/shm").expect("a temporary folder in memory") }
     }
 
     /// Returns the folder.
@@ -141,6 +148,14 @@ impl Run {
 /// Sends a signal to a run that has not ended. Starting `kill` takes too long on a busy computer.
 pub fn signal(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).expect("a running program");
+}
+
+/// Holds a run up while `act` is carried out. The time of a board in lock-step with it stands still meanwhile.
+pub fn while_held<T>(run: &Child, act: impl FnOnce() -> T) -> T {
+    signal(run, Signal::STOP);
+    let done = act();
+    signal(run, Signal::CONT);
+    done
 }
 
 /// Waits until a run says something on stderr, which is read to its end in the background. Returns the line.
@@ -231,7 +246,9 @@ impl DerefMut for Nano {
     }
 }
 
-/// Starts the emulated board with the real firmware and an EEPROM with settings.
+/// Starts the emulated board with the real firmware and an EEPROM with settings. At any `--speed` but 1 it is in lock-step with
+/// the program at its port: its time stands still while that program is held up. So no result of a trial depends on how busy
+/// the computer is. At 1, by default, it is a board in real time, which waits for nobody.
 pub fn nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> Nano {
     static STORED: OnceLock<Vec<u8>> = OnceLock::new();
     let folder = TempDir::new().expect("a temporary folder");
@@ -242,9 +259,12 @@ pub fn nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> Nano {
     Nano { nano: bare_nano(arguments.chain(eeprom)), _folder: folder }
 }
 
+/// How long a board in lock-step waits for a program that says nothing, s, as with `record --virtual`.
+const PATIENCE_S: &str = "60";
+
 /// Starts the emulated board with the real firmware; its EEPROM is blank unless a file is given.
 pub fn bare_nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> VirtualNano {
-    let mut all = vec!["--firmware".into(), firmware().into_os_string()];
+    let mut all = vec!["--firmware".into(), firmware().into_os_string(), "--patience".into(), PATIENCE_S.into()];
     all.extend(arguments.into_iter().map(|argument| argument.as_ref().to_owned()));
     VirtualNano::start(&program("vnano"), all).expect("the emulated board starts")
 }

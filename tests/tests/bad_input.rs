@@ -43,7 +43,7 @@ fn missing_plan_is_reported() {
 #[test]
 fn other_missing_files_are_wrong_use() {
     let bench = Bench::new();
-    let nano = nano(["--speed", "1"]);
+    let nano = nano(["--speed", "max"]);
     let run = bench.run(["settings", "--port", nano.port(), "--write", "no-such.toml"]);
     expect_error(&run, 2, &["no-such.toml: the settings file cannot be read", "help: check the path"]);
     let run = bench.run(["flash", "--port", nano.port(), "--firmware", "no-such.elf"]);

@@ -7,9 +7,9 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use tests::{Bench, Run, logs, nano, pass, program, signal, stalling_library, wait_for_line};
 
-/// Slow, so that the reversed motor reaches its speed within the run. The board has its gyroscope's bias, as after an earlier
+/// Slow, so that the reversed motor reaches its speed within the run. The motors' deadline is the longest one. The board has its gyroscope's bias, as after an earlier
 /// calibration.
-const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 3\ndecay = 1\n\
+const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 3\ndecay = 1\n\
                     reverse = { motor = 1, after = 1 }\n[speeds]\npairs = [[20, 10]]\n";
 
 /// The same in ticks: the number of each phase, and the speeds from then on.
@@ -81,8 +81,8 @@ enum Trouble {
 fn record(trouble: Trouble) {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
-    // Slow, so that other programs do not add to a trouble what is missing to the motors' deadline, here 1.7 s.
-    let mut nano = nano(["--speed", "0.3"]);
+    // Slower than real time: such a board does not wait for a program that is held up, but loses no byte.
+    let mut nano = nano(["--speed", "0.8"]);
     let mut command = Command::new(program("biflag"));
     command.args(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"]);
     if let Trouble::Write { ms, after_ms } = trouble {
@@ -104,7 +104,7 @@ fn record(trouble: Trouble) {
     assert_eq!((&trial["complete"], &trial["lost"]), (&true.into(), &0.into()), "{trouble:?}: {run:?}");
     assert_eq!(Course::of(&logs(&session)[0]), Course::planned(), "{trouble:?}");
     // The first write may be that of the session's own file.
-    if matches!(trouble, Trouble::Write { after_ms: 2000.., .. }) {
+    if matches!(trouble, Trouble::Write { after_ms: 1000.., .. }) {
         let notes = trial["notes"].to_string();
         let took = notes.split_once("the disk was slow: a write took ").and_then(|(_, rest)| rest.split(' ').next());
         assert!(took.is_some_and(|took| took.parse::<f64>().unwrap() >= 4.0), "{trouble:?}: {trial}");
@@ -117,7 +117,7 @@ fn trials_of_a_busy_computer_are_equal_to_those_of_an_idle_one() {
     let frozen = |after_s| Trouble::Frozen { after_s };
     // At the start, as the motors start, as one reverses, and as they stop. The trial begins some 0.3 s after the program.
     let troubles =
-        [Trouble::None, write(100), write(3000), write(6300), write(13_000), frozen(0.8), frozen(1.8), frozen(3.8)];
+        [Trouble::None, write(100), write(1300), write(2500), write(5000), frozen(0.8), frozen(1.8), frozen(3.8)];
     std::thread::scope(|scope| {
         let running: Vec<_> = troubles.into_iter().map(|trouble| scope.spawn(move || record(trouble))).collect();
         running.into_iter().for_each(|trial| trial.join().unwrap());

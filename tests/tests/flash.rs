@@ -20,7 +20,7 @@ fn flash_with_the_old_bootloader() {
 #[test]
 fn port_is_busy_during_flashing() {
     let bench = Bench::new();
-    let nano = nano(["--speed", "1"]);
+    let nano = nano(["--speed", "max"]);
     let plan = bench.short_plan(1.0, [0.0, 0.0]);
     let claim = host::link::Claim::take(nano.port()).unwrap();
     let image = firmware();

@@ -99,7 +99,7 @@ fn other_protocol_version_is_reported_at_once() {
         answer_all(port, |request| reply(request, Reply::Info(Info { protocol: 99, ..Info::default() })));
     });
     assert!(matches!(error, LinkError::OtherVersion { theirs: 99, .. }), "{error}");
-    assert!(begun.elapsed() < Duration::from_secs(2));
+    assert!(begun.elapsed() < Link::HANDSHAKE);
 }
 
 /// What firmware of version 1 answered, byte by byte. Its `Info` had no schema.
@@ -120,7 +120,7 @@ fn firmware_of_version_1_is_reported_with_both_versions_and_the_command_that_hel
     let versions = format!("speaks protocol version 1, this biflag version {VERSION}");
     assert!(error.to_string().ends_with(&versions), "{error}");
     assert!(help(&error).contains("`biflag flash --port /dev/pts/"), "{}", help(&error));
-    assert!(begun.elapsed() < Duration::from_secs(2));
+    assert!(begun.elapsed() < Link::HANDSHAKE);
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn other_messages_under_the_same_version_are_reported() {
     });
     assert!(matches!(error, LinkError::OtherSchema { .. }), "{error}");
     assert!(help(&error).contains("`biflag flash --port /dev/pts/"), "{}", help(&error));
-    assert!(begun.elapsed() < Duration::from_secs(2));
+    assert!(begun.elapsed() < Link::HANDSHAKE);
 }
 
 #[test]
@@ -145,16 +145,16 @@ fn wrong_reply_is_reported() {
 
 #[test]
 fn port_that_disappears_during_the_handshake_is_reported() {
-    let begun = Instant::now();
     for after in [0, 1, 40] {
+        let begun = Instant::now();
         let error = error(move |port| {
             let mut first = [0; 64];
             let _ = port.read(&mut first);
             let _ = port.write_all(&noise().take(after).collect::<Vec<_>>());
         });
         assert!(matches!(error, LinkError::Vanished { .. }), "{error}");
+        assert!(begun.elapsed() < Link::HANDSHAKE);
     }
-    assert!(begun.elapsed() < Duration::from_secs(4));
 }
 
 /// Each of these takes the full time limit of the handshake, so they run in parallel.

@@ -4,7 +4,7 @@ use biflag_log::{Body, Reader, TrialMeta};
 use host::run::rig::VirtualNano;
 use serde_json::Value;
 use std::time::Duration;
-use tests::{Bench, Run, nano, wait_for_line, wait_until};
+use tests::{Bench, Cable, Run, board_s, nano, wait_for_line, wait_until};
 
 /// 120 s at 200 Hz: 24,000 samples, none lost, none damaged.
 #[test]
@@ -18,7 +18,8 @@ fn two_minutes_have_no_losses() {
     println!("{trial}");
     println!("{}", nano.control("status").unwrap());
     assert_eq!(trial["samples"], 24_000);
-    for loss in ["lost", "crc_errors", "resyncs", "retries"] {
+    // A busy computer may repeat a request.
+    for loss in ["lost", "crc_errors", "resyncs"] {
         assert_eq!(trial[loss], 0, "{loss}");
     }
     assert_eq!(trial["complete"], true);
@@ -29,16 +30,21 @@ fn wait_for_count(nano: &mut VirtualNano, count: &str, frames: u64) {
     wait_until("the frames are spoilt", || nano.control("status").unwrap()[count] == frames);
 }
 
-/// Records 10 s (2000 frames) at four times real time, and calls `spoil` when they have begun; returns the trial.
-fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
+/// Records 10 s (2000 frames) at twice real time, and calls `spoil` when they have begun.
+fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Run {
     let bench = Bench::new();
     let plan = bench.short_plan(10.0, [0.0, 0.0]);
-    let mut nano = nano(["--speed", "4"]);
+    let mut nano = nano(["--speed", "2"]);
     let port = nano.port().to_owned();
     let mut recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
     wait_for_line(&mut recording, ": run");
     spoil(&mut nano);
-    let trial = Run::of(recording).expect_code(3).json()["trials"][0].clone();
+    Run::of(recording)
+}
+
+/// Returns the trial of a recording with losses.
+fn trial_of(run: Run) -> Value {
+    let trial = run.expect_code(3).json()["trials"][0].clone();
     println!("{trial}");
     trial
 }
@@ -47,13 +53,14 @@ fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
 #[test]
 fn dropped_frames_are_counted() {
     let mut dropped = 0_u64;
-    let trial = spoilt(|nano| {
+    let run = spoilt(|nano| {
         for frames in [1, 7, 30] {
             nano.control(&format!("drop {frames}")).unwrap();
             dropped += frames;
             wait_for_count(nano, "frames_dropped", dropped);
         }
     });
+    let trial = trial_of(run);
     assert_eq!(trial["lost"], dropped);
     assert_eq!(trial["samples"], 2000 - dropped);
     assert_eq!(trial["crc_errors"], 0);
@@ -62,14 +69,15 @@ fn dropped_frames_are_counted() {
 /// Frames are missing up to the end of the trial and beyond: those of the trial are counted.
 #[test]
 fn frames_dropped_at_the_end_are_counted() {
-    let trial = spoilt(|nano| {
-        let ticks = |nano: &mut VirtualNano| nano.control("status").unwrap()["ticks"].as_u64().unwrap();
-        let begun = ticks(nano);
-        wait_until("the end is near", || ticks(nano) - begun >= 1800);
-        nano.control("drop 300").unwrap();
-    });
+    let drop_to_the_end = |nano: &mut VirtualNano| {
+        // The run of 10 s has just begun.
+        let end_is_near_s = board_s(nano) + 9.0;
+        nano.control(&format!("fault no-frames=1200@{end_is_near_s}")).unwrap();
+    };
+    // A busy computer may be too late for that, or so slow that the board is silent for a second of the computer's time.
+    let trial = trial_of((0..5).map(|_| spoilt(drop_to_the_end)).find(|run| run.code == Some(3)).expect("in time"));
     let count = |key: &str| trial[key].as_u64().unwrap();
-    assert!(count("lost") > 0 && count("lost") < 300, "{trial}");
+    assert!(count("lost") > 0 && count("lost") < 240, "{trial}");
     assert_eq!(count("samples") + count("lost"), 2000, "{trial}");
 }
 
@@ -112,24 +120,37 @@ fn frames_dropped_at_random_are_counted_exactly() {
 /// A damaged frame counts as one lost sample and one resync.
 #[test]
 fn damaged_byte_loses_one_frame() {
-    let trial = spoilt(|nano| {
+    let trial = trial_of(spoilt(|nano| {
         nano.control("corrupt 1").unwrap();
         wait_for_count(nano, "frames_corrupted", 1);
-    });
+    }));
     assert_eq!(trial["lost"], 1);
     assert_eq!(trial["resyncs"], 1);
     assert_eq!(trial["samples"], 1999);
 }
 
-/// Telemetry in real time is complete too.
+/// Bytes that arrive twice are no loss, and frames that do are counted.
 #[test]
-fn real_time_has_no_losses() {
+fn frames_that_come_twice_are_left_out() {
     let bench = Bench::new();
-    let plan = bench.short_plan(4.0, [-90.0, 90.0]);
-    let nano = nano(["--speed", "1"]);
-    let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"]).expect_code(3);
+    let plan = bench.short_plan(10.0, [0.0, 0.0]);
+    let nano = nano(["--speed", "4"]);
+    let cable = Cable::new(nano.port());
+    let mut partial = Vec::new();
+    let mut frames = 0;
+    cable.spoil_from_board(move |bytes| {
+        partial.extend_from_slice(bytes);
+        let whole = partial.iter().rposition(|byte| *byte == 0).map_or(0, |last| last + 1);
+        let group: Vec<u8> = partial.drain(..whole).collect();
+        frames += group.iter().filter(|byte| **byte == 0).count();
+        // Now and then everything that came together, so that older frames follow newer ones.
+        if frames % 7 == 0 { [&*group, &*group].concat() } else { group }
+    });
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", cable.port(), "--json"]).expect_code(0);
     let trial = &run.json()["trials"][0];
-    assert_eq!((&trial["samples"], &trial["lost"]), (&800.into(), &0.into()), "{trial}");
+    println!("{trial}");
+    assert_eq!((&trial["samples"], &trial["lost"]), (&2000.into(), &0.into()), "{trial}");
+    assert!(trial["repeated"].as_u64().unwrap() > 20, "{trial}");
 }
 
 /// A motor reverses at the planned time of the board's clock, and its flagellum follows. The board has its gyroscope's bias, as

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use tests::{
     Bench, Cable, Run, is_driven, logs, nano, pass, program, signal, wait_for_line, wait_for_logs, wait_for_motion,
-    wait_until,
+    wait_until, while_held,
 };
 
 /// The motors' deadline is the longest one, because other programs may delay the pings.
@@ -63,16 +63,19 @@ fn session_has_one_writer_and_resumes_after_a_kill() {
 fn trial_interrupted_during_calibration_is_repeated() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(5.0, 2.0));
-    let mut nano = nano(["--speed", "4"]);
-    let port = nano.port().to_owned();
+    // Slow, so that the signal comes in time from a busy computer, too.
+    let mut slow = nano(["--speed", "0.5"]);
+    let port = slow.port().to_owned();
     let mut recording = bench.start(record(&plan, &port, &[]));
     wait_for_line(&mut recording, ": calibrate");
     signal(&recording, Signal::INT);
     let run = Run::of(recording).expect_code(130);
     assert_eq!(run.json()["trials"][0]["complete"], false, "{run:?}");
-    assert!(!is_driven(&mut nano));
+    assert!(!is_driven(&mut slow));
 
-    let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
+    // Another one with the same settings.
+    let nano = nano(["--speed", "max"]);
+    let run = bench.run(record(&plan, nano.port(), &["--resume"])).expect_code(0);
     expect_complete(&run, 2);
     let logs = logs(&bench.path().join("session"));
     let info = |log: &Path, code| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(code).json();
@@ -181,7 +184,7 @@ fn restart_of_the_board_is_reported_and_ends_the_clock_fit() {
 fn restart_before_the_schedule_starts_is_reported() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 1.0));
-    let nano = nano(["--speed", "1"]);
+    let nano = nano(["--speed", "4"]);
     let cable = Cable::new(nano.port());
     let nano = Arc::new(Mutex::new(nano));
     let (board, mut accumulator, mut has_points, mut is_reset) = (nano.clone(), Accumulator::new(), false, false);
@@ -251,24 +254,26 @@ fn full_disk_ends_the_trial_and_keeps_its_beginning() {
 fn log_that_is_being_recorded_is_not_recovered() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 6.0).replace("[50, 10], [-30, 30]", "[50, 10]"));
-    let mut nano = nano(["--speed", "1"]);
+    let mut nano = nano(["--speed", "4"]);
     let port = nano.port().to_owned();
     let recording = bench.start(record(&plan, &port, &[]));
     wait_for_motion(&mut nano);
     let session = bench.path().join("session");
     let log = logs(&session).remove(0);
-    let run = bench.run(["recover", log.to_str().unwrap()]).expect_code(1);
-    assert!(run.stderr.contains(": is being recorded") && run.stderr.contains("wait for the end"), "{run:?}");
-    let run = bench.run(["recover", log.to_str().unwrap(), "--output", "copy.mcap"]).expect_code(1);
-    assert!(run.stderr.contains(": is being recorded"), "{run:?}");
-    for asked in
-        ["info", "doctor"].map(|command| [command, "session"]).into_iter().chain([["info", log.to_str().unwrap()]])
-    {
-        let run = bench.run(asked).expect_code(3);
-        assert!(run.stdout.contains("being recorded") && !run.stdout.contains("cut off"), "{run:?}");
-        assert!(!run.stdout.contains("biflag recover"), "{run:?}");
-    }
-    assert_eq!(logs(&session), std::slice::from_ref(&log));
+    while_held(&recording, || {
+        let run = bench.run(["recover", log.to_str().unwrap()]).expect_code(1);
+        assert!(run.stderr.contains(": is being recorded") && run.stderr.contains("wait for the end"), "{run:?}");
+        let run = bench.run(["recover", log.to_str().unwrap(), "--output", "copy.mcap"]).expect_code(1);
+        assert!(run.stderr.contains(": is being recorded"), "{run:?}");
+        for asked in
+            ["info", "doctor"].map(|command| [command, "session"]).into_iter().chain([["info", log.to_str().unwrap()]])
+        {
+            let run = bench.run(asked).expect_code(3);
+            assert!(run.stdout.contains("being recorded") && !run.stdout.contains("cut off"), "{run:?}");
+            assert!(!run.stdout.contains("biflag recover"), "{run:?}");
+        }
+        assert_eq!(logs(&session), std::slice::from_ref(&log));
+    });
 
     let run = Run::of(recording).expect_code(0);
     expect_complete(&run, 1);

@@ -48,7 +48,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE.toml|NAME", conflicts_with = "imu")]
     robot: Option<PathBuf>,
     /// Speed relative to real time: a factor, or `max`; with `exchange` the board's time passes only in the command of that
-    /// name, so that a run does not depend on the load of the machine
+    /// name, so that a run does not depend on the load of the machine. At 1, bytes are lost that the host does not read in
+    /// time, as on a real board; at any other speed the board's time waits until they are read
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max|exchange")]
     speed: Speed,
     /// How long the time of a board that is faster than real time waits for a silent host, s: for a host that sends something

@@ -14,6 +14,11 @@ pub enum Speed {
     Exchange,
 }
 
+impl Speed {
+    /// The speed of a real board, whose time does not wait for its host.
+    pub const REAL_TIME: Self = Self::Factor(1.0);
+}
+
 impl FromStr for Speed {
     type Err = String;
 
@@ -58,9 +63,9 @@ impl Pace {
         Self { speed, patience, since: (Instant::now(), board_s), heard: None }
     }
 
-    /// Returns whether the board waits for a slow host rather than lose bytes.
+    /// Returns whether the board waits for a slow host rather than lose bytes. Only real time waits for nobody.
     pub fn waits_for_host(&self) -> bool {
-        self.speed == Speed::Max
+        self.speed != Speed::REAL_TIME
     }
 
     /// Returns whether time passes only in exchanges.

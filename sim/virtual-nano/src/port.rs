@@ -15,6 +15,11 @@ use std::time::Duration;
 /// Speed of a new port, bit/s, until the host sets another.
 const BAUD: u32 = 500_000;
 
+/// Bytes that Linux keeps for a program that does not read the port of a Nano's USB converter: `TTYB_DEFAULT_MEM_LIMIT` of
+/// its `drivers/tty/tty_buffer.c`, for the CH340, whose driver `ch341` does not stop the device before. They also wait there
+/// while the kernel's own worker, which passes them on to the terminal, gets no processor. A pseudo-terminal keeps 20 kB.
+pub const DRIVER_BUFFER: usize = 640 << 10;
+
 /// The board's side of the port.
 #[derive(Debug)]
 pub struct Port {

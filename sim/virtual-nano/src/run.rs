@@ -6,7 +6,7 @@ use crate::control::{self, Command};
 use crate::fault::Timed;
 use crate::mcu::RunState;
 use crate::pace::Pace;
-use crate::port::{Port, PortCount, PortEvent};
+use crate::port::{DRIVER_BUFFER, Port, PortCount, PortEvent};
 use serde_json::Value;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -69,7 +69,7 @@ impl Runner {
                 self.port.wait_for_host(Duration::from_millis(1))?;
                 continue;
             }
-            if !self.pending.is_empty() {
+            if self.pace.waits_for_host() && !self.pending.is_empty() {
                 // Time stands still for the board until the host has read.
                 self.port.wait_for_room(Duration::from_millis(5))?;
                 continue;
@@ -145,8 +145,8 @@ impl Runner {
             }
         }
         if !self.pace.waits_for_host() {
-            self.count.lost += self.pending.len() as u64;
-            self.pending.clear();
+            self.count.lost += self.pending.len().saturating_sub(DRIVER_BUFFER) as u64;
+            self.pending.truncate(DRIVER_BUFFER);
         }
         Ok(())
     }

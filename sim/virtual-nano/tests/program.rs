@@ -155,11 +155,14 @@ fn its_first_line_has_the_sensors_errors() {
     assert_ne!(typical["gyro_scale"], ready("typical", "7")["gyro_scale"]);
 }
 
-/// Ends within three seconds of the end of its standard input.
+/// The program ends within two seconds of the end of its standard input; a busy machine may take longer.
+const SOON: Duration = Duration::from_secs(20);
+
+/// Ends soon after the end of its standard input.
 fn ends(vnano: Vnano, state: &str) {
     let begun = Instant::now();
     assert_eq!(vnano.end(), Some(0), "{state}");
-    assert!(begun.elapsed() < Duration::from_secs(3), "{state}: {:?}", begun.elapsed());
+    assert!(begun.elapsed() < SOON, "{state}: {:?}", begun.elapsed());
 }
 
 #[test]
@@ -188,7 +191,7 @@ fn it_ends_with_its_input_in_every_state() {
     let begun = Instant::now();
     drop(child.stdin.take());
     child.wait().unwrap();
-    assert!(begun.elapsed() < Duration::from_secs(3), "starts: {:?}", begun.elapsed());
+    assert!(begun.elapsed() < SOON, "starts: {:?}", begun.elapsed());
 }
 
 #[test]

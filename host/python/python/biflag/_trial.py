@@ -260,8 +260,8 @@ def simulate_batch(
     the column ``error``.
 
     >>> table = biflag.simulate_batch(biflag.Robot.physical(), [(50, 10), (10, 50)], method="steady")
-    >>> [round(float(yaw)) for yaw in table["yaw_deg"]], [round(float(pitch)) for pitch in table["pitch_deg"]]
-    ([-68, -68], [-4, 4])
+    >>> bool((abs(table["yaw_deg"] + 67.6) < 0.2).all()), [round(float(pitch)) for pitch in table["pitch_deg"]]
+    (True, [-4, 4])
 
     Args:
         robot: The robot and its fluid.

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use std::time::{Duration, Instant};
-use tests::{Bench, Cable, Run, board_s, logs, nano, wait_for_logs, whole_computer};
+use tests::{Bench, Cable, Lateness, Run, board_s, logs, nano, wait_for_logs, whole_computer};
 
 /// A pre-roll, so that a line can go bad before the motors turn.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 60\ndecay = 0\n\
@@ -75,11 +75,11 @@ fn case(number: u64) -> String {
     (0..9).for_each(|_| _ = random.next());
     let line = LINES[number as usize % LINES.len()];
     let (at_ms, hears) = (random.below(2500), random.below(3) > 0);
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", PLAN);
     let mut nano = nano(["--speed", "1"]);
     let cable = Cable::new(nano.port());
-    let session = bench.path().join("session");
+    let (session, lateness) = (bench.path().join("session"), Lateness::measure());
     let mut recording =
         bench.start(["record", plan.to_str().unwrap(), "--port", cable.port(), "--out", "session", "--json"]);
     wait_for_logs(&session, 1);
@@ -112,8 +112,9 @@ fn case(number: u64) -> String {
     }
     let ended_s = ended_s.unwrap();
     let run = Run::of(recording).expect_code(1);
-    assert!(turned_s <= DEADLINE_S + 1.0, "{what}: the motors turned for {turned_s} s");
-    assert!(ended_s <= 5.0, "{what}: it ended after {ended_s} s");
+    let late_s = lateness.allowed().as_secs_f64();
+    assert!(turned_s <= DEADLINE_S + 1.0 + late_s, "{what}: the motors turned for {turned_s} s");
+    assert!(ended_s <= 5.0 + late_s, "{what}: it ended after {ended_s} s");
     // The line may go bad before the board has the schedule; a board that hears nothing may say so before this side does.
     let said = ["the board stopped sending", "did not answer", "it received nothing from the host"];
     assert!(said.iter().any(|said| run.stderr.contains(said)), "{what}: {run:?}");
@@ -142,7 +143,7 @@ fn only_telemetry_keeps_the_motors_turning() {
 #[test]
 fn ports_without_a_board_are_an_error_within_five_seconds() {
     let _computer = whole_computer();
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", PLAN);
     std::thread::scope(|scope| {
         for line in LINES.into_iter().filter(|line| *line != Line::Answers) {
@@ -152,39 +153,16 @@ fn ports_without_a_board_are_an_error_within_five_seconds() {
                 let cable = Cable::new(nano.port());
                 spoil(&cable, line, Random(7));
                 let begun_s = board_s(&mut nano);
-                let session = format!("{line:?}");
+                let (session, lateness) = (format!("{line:?}"), Lateness::measure());
                 let run = bench.run(["record", plan, "--port", cable.port(), "--out", &session]).expect_code(1);
                 let took_s = board_s(&mut nano) - begun_s;
-                println!("{line:?}: {took_s:.1} s");
-                assert!(took_s < 5.0, "{line:?}: {took_s} s");
+                let late_s = lateness.allowed().as_secs_f64();
+                println!("{line:?}: {took_s:.1} s, of which {late_s:.1} s may be the computer's");
+                assert!(took_s < 5.0 + late_s, "{line:?}: {took_s} s");
                 let said = if line == Line::Silence { "does not answer" } else { "runs another program" };
                 assert!(run.stderr.contains(said), "{line:?}: {run:?}");
                 assert!(!bench.path().join(session).exists());
             });
         }
     });
-}
-
-/// Bytes that arrive twice are no loss, and frames that do are counted.
-#[test]
-fn frames_that_come_twice_are_left_out() {
-    let bench = Bench::new();
-    let plan = bench.short_plan(10.0, [0.0, 0.0]);
-    let nano = nano(["--speed", "4"]);
-    let cable = Cable::new(nano.port());
-    let mut partial = Vec::new();
-    let mut frames = 0;
-    cable.spoil_from_board(move |bytes| {
-        partial.extend_from_slice(bytes);
-        let whole = partial.iter().rposition(|byte| *byte == 0).map_or(0, |last| last + 1);
-        let group: Vec<u8> = partial.drain(..whole).collect();
-        frames += group.iter().filter(|byte| **byte == 0).count();
-        // Now and then everything that came together, so that older frames follow newer ones.
-        if frames % 7 == 0 { [&*group, &*group].concat() } else { group }
-    });
-    let run = bench.run(["record", plan.to_str().unwrap(), "--port", cable.port(), "--json"]).expect_code(0);
-    let trial = &run.json()["trials"][0];
-    println!("{trial}");
-    assert_eq!((&trial["samples"], &trial["lost"]), (&2000.into(), &0.into()), "{trial}");
-    assert!(trial["repeated"].as_u64().unwrap() > 20, "{trial}");
 }

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tests::{
-    Bench, Cable, Run, board_s, is_driven, logs, nano, pass, signal, wait_for_logs, wait_for_motion, whole_computer,
+    Bench, Cable, Lateness, Run, board_s, is_driven, logs, nano, pass, signal, wait_for_logs, wait_for_motion,
+    whole_computer,
 };
 
 /// The motors' deadline is the longest one, because other programs may delay the pings. The board has its gyroscope's bias, as
@@ -26,7 +27,7 @@ fn info(bench: &Bench, log: &Path) -> Value {
 #[test]
 fn ctrl_c_stops_the_motors_and_resume_continues() {
     let _computer = whole_computer();
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
     let mut nano = nano(["--speed", "3"]);
@@ -67,7 +68,7 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
 #[test]
 fn pulled_cable_ends_the_trial_within_a_second() {
     let _computer = whole_computer();
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", PLAN);
     let mut nano = nano(["--speed", "1"]);
     let session = bench.path().join("session");
@@ -75,11 +76,12 @@ fn pulled_cable_ends_the_trial_within_a_second() {
     // The pre-roll has 200 samples.
     wait_for_motion(&mut nano);
     pass(&mut nano, 0.5);
-    let pulled = Instant::now();
+    let (pulled, lateness) = (Instant::now(), Lateness::measure());
     drop(nano);
     let run = Run::of(recording).expect_code(1);
-    println!("ended {:.0} ms after the cable was pulled", pulled.elapsed().as_secs_f64() * 1e3);
-    assert!(pulled.elapsed() < Duration::from_secs(1));
+    let (took, allowed) = (pulled.elapsed(), lateness.allowed());
+    println!("ended {took:?} after the cable was pulled, of which {allowed:?} may be the computer's");
+    assert!(took < Duration::from_secs(1) + allowed, "{took:?}");
     assert!(run.stderr.contains("unplugged"), "{run:?}");
     let info = info(&bench, &logs(&session)[0]);
     assert_eq!(info["clean"], true);
@@ -90,7 +92,7 @@ fn pulled_cable_ends_the_trial_within_a_second() {
 #[test]
 fn log_is_written_while_an_answer_is_awaited() {
     let _computer = whole_computer();
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", &PLAN.replace("calibrate = 0", "calibrate = 1"));
     let mut nano = nano(["--speed", "1"]);
     let cable = Cable::new(nano.port());
@@ -108,6 +110,7 @@ fn log_is_written_while_an_answer_is_awaited() {
         }
         if attempts == 0 { bytes.to_vec() } else { Vec::new() }
     });
+    let lateness = Lateness::measure();
     let recording = bench.start(["record", plan.to_str().unwrap(), "--port", cable.port(), "--out", "session"]);
     // 650 ms after the first attempt.
     last_attempt.recv_timeout(Duration::from_secs(60)).expect("the schedule is started five times");
@@ -121,7 +124,7 @@ fn log_is_written_while_an_answer_is_awaited() {
     });
     let lost_s = sent_s - frames.last().expect("frames");
     println!("{:.0} ms lost", lost_s * 1e3);
-    assert!(lost_s <= 0.5, "{lost_s} s");
+    assert!(lost_s <= 0.5 + lateness.allowed().as_secs_f64(), "{lost_s} s");
 }
 
 /// Three trials, so that kills also hit the time between two of them.
@@ -165,12 +168,12 @@ fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
 
 /// Kills recordings of one board, resuming each session until it is complete.
 fn kill_sessions(kills: usize, seed: u64) -> Killed {
-    let bench = Bench::new();
+    let bench = Bench::in_memory();
     let plan = bench.file("plan.toml", KILLED);
     let mut nano = nano(["--speed", "1"]);
     let port = nano.port().to_owned();
     let mut random = seed;
-    let mut killed = Killed::default();
+    let (mut killed, lateness) = (Killed::default(), Lateness::measure());
     let mut seen = BTreeSet::new();
     while killed.kills < kills {
         killed.sessions += 1;
@@ -214,7 +217,8 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
             assert!(cut.len() <= 1, "{cut:?}");
             for log in cut {
                 let lost = lost_before(&bench, &log, killed_at, [begun_s, sent_s]);
-                assert!(lost <= Duration::from_millis(500), "{lost:?} are lost of {}", log.display());
+                let allowed = Duration::from_millis(500) + lateness.allowed();
+                assert!(lost <= allowed, "{lost:?} are lost of {}", log.display());
                 killed.worst = killed.worst.max(lost);
                 killed.in_trials += 1;
                 seen.insert(log);
