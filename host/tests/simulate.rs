@@ -388,7 +388,7 @@ fn solver_failure_keeps_the_log_and_the_other_trials() {
 fn steady_states_are_solved_for_and_their_logs_hold_one_period() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let args = ["simulate", "--speeds", "0,45", "--duration", "180"];
+    let args = ["simulate", "--speeds", "0,45", "--duration", "120"];
     let answer = |rest: &[&str]| {
         let output = biflag(folder, &[&args, rest].concat());
         expect(&output, 0);

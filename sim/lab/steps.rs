@@ -1,17 +1,23 @@
 //! Errors of means by the time steps: default steps against much shorter ones, at twelve points of both senses.
 //!
 //! `cargo run --release -p sim --example steps` prints the table of `sim/docs/cost.md`; speeds in rpm after `--` select one
-//! point, and a name after them another robot than `published`.
+//! point, and a name after them another robot than `published`. `-- random physical 60` runs trials of 160 s at that many random
+//! pairs of speeds with decimals instead, also `physical+tank`, and prints how far settled ones are from those with steps of a third.
 //!
 //! Speeds are multiples of 10 rpm, so every beat of the two motors repeats after [`PERIOD`]. Means are taken over the whole
 //! periods of the second half of a run, when the slow mode of the flagella (10 to 18 s) has decayed; their scatter is the
 //! standard error of the mean over the periods.
 
+use rayon::prelude::*;
 use sim::body::attitude::euler_zyx;
 use sim::body::closure::Closure;
 use sim::body::shaft::MotorState;
-use sim::params::{Precision, Robot};
+use sim::params::{HeadShape, Precision, Robot, Tank};
+use sim::split_mix;
 use sim::step::{Solver, StepControl};
+use sim::trial::means::Steady;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::{Options, Trial};
 use std::error::Error;
 use std::f64::consts::PI;
 use std::time::Instant;
@@ -22,6 +28,10 @@ const PERIOD: f64 = 6.0;
 const PERIODS: usize = 20;
 /// Runs with default steps, of which the fastest counts.
 const REPEATS: u32 = 3;
+
+/// Duration of a trial at random speeds, s, and their seed.
+const RANDOM_S: f64 = 160.0;
+const SEED: u64 = 7;
 
 const POINTS: [[f64; 2]; 12] = [
     [50.0, 10.0],
@@ -124,8 +134,52 @@ fn tight(mut robot: Robot, times: f64) -> Robot {
     robot
 }
 
+/// Returns the steady state of a trial of [`RANDOM_S`]; `None` if a step fails.
+fn steady(robot: &Robot, rpm: [f64; 2]) -> Option<Steady> {
+    let profile = SpeedProfile::constant(rpm, RANDOM_S).ok()?;
+    Some(Trial::new(robot, Closure::Full, profile, Options::default()).ok()?.finish().ok()?.steady)
+}
+
+/// Prints how far the settled angles of trials at random speeds are from those with steps of a third.
+fn random(robot: &Robot, count: u64) {
+    let mut fine = robot.clone();
+    (fine.solver.step_error, fine.solver.step_rad, fine.solver.tolerance) = (1e-4, 0.1, 2.5e-3);
+    let speed = |place| ((180.0 * split_mix::uniform(SEED, place) - 90.0) * 100.0).round() / 100.0;
+    let mut rows: Vec<_> = (0..count)
+        .into_par_iter()
+        .filter_map(|i| {
+            let rpm = [speed(2 * i), speed(2 * i + 1)];
+            let (usual, fine) = (steady(robot, rpm)?, steady(&fine, rpm)?);
+            let angles = usual.attitude.iter().zip(&fine.attitude).map(|(a, b)| (a.mean - b.mean).abs());
+            let is_outside = angles.clone().zip(&usual.attitude).any(|(off, level)| off > level.uncertainty());
+            (usual.settled && fine.settled).then(|| (angles.fold(0.0, f64::max).to_degrees(), is_outside, rpm))
+        })
+        .collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let outside = rows.iter().filter(|row| row.1).count();
+    let (Some(median), Some(worst)) = (rows.get(rows.len() / 2), rows.last()) else { return };
+    println!(
+        "{count} pairs, {} settled, {outside} with an angle outside its ±; largest error of an angle: median {:.3}, worst {:.3} deg at {:?} rpm",
+        rows.len(),
+        median.0,
+        worst.0,
+        worst.2
+    );
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [mode, name, count] = arguments.as_slice()
+        && mode == "random"
+    {
+        let plain = name.trim_end_matches("+tank");
+        let mut robot = Robot::built_in(plain).ok_or_else(|| format!("{name}: no such robot"))?;
+        if plain != name {
+            (robot.tank, robot.head.shape) = (Some(Tank::published()), HeadShape::Cylinder);
+        }
+        random(&robot, count.parse()?);
+        return Ok(());
+    }
     let points = match arguments.as_slice() {
         [one, two, ..] => vec![[one.parse()?, two.parse()?]],
         _ => POINTS.to_vec(),

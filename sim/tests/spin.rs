@@ -42,12 +42,12 @@ fn a_stiff_flagellum_feels_the_couple_of_a_round_rod() {
 
 #[test]
 fn free_motion_of_the_physical_robot_takes_little_more_than_two_sweeps_a_step() {
-    // About the shapes at rest it takes 3.0 and 2.7.
+    // About the shapes at rest it takes 3.5 at (90, 90).
     for rpm in [[90.0, 90.0], [-90.0, 90.0]] {
         let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
         let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
         let summary = trial.finish().expect("a run");
         let sweeps = summary.sweeps as f64 / summary.steps as f64;
-        prove(&format!("sweeps a step at ({}, {})", rpm[0], rpm[1]), sweeps, 2.5);
+        prove(&format!("sweeps a step at ({}, {})", rpm[0], rpm[1]), sweeps, 2.7);
     }
 }

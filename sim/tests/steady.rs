@@ -51,15 +51,22 @@ fn solved_states_are_those_that_trials_end_in() {
         // No common period: means over both motor angles.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating),
         // There are two stable motions, with yaws of -82.65 and -80.02 degrees; a trial ends in the second one.
-        ([80.66, 0.0], [0.0, 0.0], Kind::Beating),
+        ([80.66, 0.0], [0.0, 0.0], Kind::Steady),
+        // Here with yaws of 78.61 and 74.32 degrees.
+        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady),
+        // A search finds a motion that no trial has reached after 120 s.
+        ([70.0, 10.0], [0.0, 0.0], Kind::NotFound),
         // The flagella touch in each turn.
         ([80.0, 40.0], [0.0, 0.0], Kind::Steady),
         ([-60.0, -60.0], [0.0, 0.0], Kind::Steady),
-        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady),
     ] {
         let (solved, trial) = (solve(rpm, start), trial(rpm, start));
         println!("{rpm:?} from {start:?} deg: {:?} after {:.0} s", solved.kind, solved.simulated_s);
-        assert_eq!((solved.kind, solved.summary.steady.settled), (kind, true), "{rpm:?} {start:?}");
+        let is_found = kind != Kind::NotFound;
+        assert_eq!((solved.kind, solved.summary.steady.settled), (kind, is_found), "{rpm:?} {start:?}");
+        if !is_found {
+            continue;
+        }
         let angles = solved.summary.steady.attitude.iter().zip(&trial.steady.attitude);
         for (name, (solved, trial)) in ["yaw", "pitch", "roll"].into_iter().zip(angles) {
             let off = (solved.mean - trial.mean).abs() / (solved.uncertainty() + trial.uncertainty());

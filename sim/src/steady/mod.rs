@@ -26,8 +26,9 @@
 //! estimates of a step differ, half a step is made; where they differ much, or M has a direction that grows, a period passes
 //! without a step.
 //!
-//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
-//! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
+//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration, and, where the flagella have
+//! touched, a path without steps leads to it too (`witness`). The results are means over the last period, by the ordinary
+//! solver and the ordinary steady window. If no motion is found, or if the motors
 //! have no common period of 12 s or less, the trial is simulated from rest until its means over both motor angles are known
 //! ([`crate::trial::means`]). `sim/docs/steady.md` has the comparison with trials.
 
@@ -39,6 +40,7 @@ pub mod phase;
 pub mod quantities;
 mod shooting;
 mod slow;
+mod witness;
 
 use crate::functions::exp;
 use crate::params::Closure;
@@ -50,7 +52,7 @@ use crate::trial::sample::Sample;
 use crate::trial::{Options, Summary, Trial};
 pub use over_phases::{Method, Phases, SteadyState, error_of_mean};
 use serde::{Deserialize, Serialize};
-use shooting::{Outcome, SLOWEST_S, shoot};
+use shooting::{Found, Outcome, SLOWEST_S, shoot};
 use std::f64::consts::PI;
 
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
@@ -163,25 +165,37 @@ pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     let Problem { rpm, start_rad, longest_s, output, .. } = *problem;
     let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
+    let from_rest = |searched: Option<&Trial>, searched_s: f64| {
+        let mut trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
+        if let Some(searched) = searched {
+            trial = trial.with_spent(searched.totals());
+        }
+        follow(trial, &whole, problem, searched_s, watch)
+    };
     match shoot(problem, watch)? {
-        Outcome::Found { trial, before, distance, samples } => {
-            let simulated_s = trial.state().time;
+        Outcome::Found(found) => {
+            let Found { trial, before, distance, samples, unmoved } = *found;
+            let mut simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
             set_errors(&mut summary.steady, &before, distance);
             // Also of a flagellum with itself.
             summary.steady.raise_errors(summary.largest_contact_n > 0.0);
+            if let Some(unmoved) = unmoved {
+                let before_s = simulated_s - unmoved.time;
+                let (witness, agrees) =
+                    witness::agrees(&trial, unmoved, &summary.steady, rpm, start_rad, &|time| watch(before_s + time))?;
+                simulated_s = before_s + witness.state().time;
+                if !agrees {
+                    return from_rest(Some(&witness), simulated_s);
+                }
+                let spent = witness.window_summary();
+                (summary.steps, summary.sweeps) = (spent.steps, spent.sweeps);
+            }
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
-        Outcome::Lost(searched) => {
-            let simulated_s = searched.state().time;
-            let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
-            follow(trial.with_spent(searched.totals()), &whole, problem, simulated_s, watch)
-        }
-        Outcome::None => {
-            let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
-            follow(trial, &whole, problem, 0.0, watch)
-        }
+        Outcome::Lost(searched) => from_rest(Some(&searched), searched.state().time),
+        Outcome::None => from_rest(None, 0.0),
     }
 }
 
@@ -305,7 +319,8 @@ mod tests {
     fn stated_errors_hold_what_is_left_of_an_approach() {
         for rpm in [[0.0, 80.0], [0.0, 76.45], [51.66, -51.66]] {
             let outcome = searched(rpm);
-            let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
+            let Outcome::Found(found) = outcome else { panic!("no motion that repeats") };
+            let Found { trial, before, distance, .. } = *found;
             let mut stated = trial.window_summary().steady;
             set_errors(&mut stated, &before, distance);
             stated.raise_errors(false);

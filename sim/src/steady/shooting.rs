@@ -26,7 +26,7 @@ const COARSE_ERROR: f64 = 10.0;
 /// Tolerance of a step's iteration in coarse periods, over the ordinary one ...
 const COARSE_TOLERANCE: f64 = 5.0;
 /// ... and at most: with more, steps fail.
-const LARGEST_TOLERANCE: f64 = 0.1;
+const LARGEST_TOLERANCE: f64 = 0.05;
 /// Tolerance of a step's iteration in the last periods, over the ordinary one: what every step of a period misses by adds up
 /// over the time in which a slow mode decays.
 const FINE_TOLERANCE: f64 = 0.25;
@@ -50,13 +50,26 @@ const CLOSE: f64 = 1.0 * PI / 180.0;
 
 /// How a search ends.
 pub enum Outcome {
-    /// With a motion that repeats: the trial is its last period, `before` the means over the one before, `distance` what is
-    /// left of the attitude's way to it, rad.
-    Found { trial: Box<Trial>, before: Box<Steady>, distance: f64, samples: Vec<Sample> },
+    /// With a motion that repeats.
+    Found(Box<Found>),
     /// Without one, after this trial, for lack of time or because a step failed.
     Lost(Box<Trial>),
     /// There is nothing to search for.
     None,
+}
+
+/// A motion that repeats.
+pub struct Found {
+    /// Its last period.
+    pub trial: Trial,
+    /// The means over the period before.
+    pub before: Steady,
+    /// What is left of the attitude's way to it, rad.
+    pub distance: f64,
+    /// Samples of the last period.
+    pub samples: Vec<Sample>,
+    /// The state before the first step, where a step may have led to another motion than the trial's: the flagella have touched.
+    pub unmoved: Option<State>,
 }
 
 /// Searches for the motion that repeats.
@@ -90,6 +103,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
     let (mut is_coarse, mut may_be_coarse, mut is_fine) = (true, true, false);
     let mut last: Option<Steady> = None;
+    let (mut unmoved, mut has_touched): (Option<State>, bool) = (None, false);
     loop {
         trial.set_accuracy(match (is_coarse, is_fine) {
             (true, _) => &coarse,
@@ -109,7 +123,9 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         paths.push(path);
         let mut state = trial.state().clone();
         let summary = trial.window_summary();
-        let mut next_is_coarse = may_be_coarse && summary.largest_contact_n > 0.0;
+        let touches = summary.largest_contact_n > 0.0;
+        has_touched |= touches;
+        let mut next_is_coarse = may_be_coarse && touches;
         let before = last.replace(summary.steady);
         if simulated_s >= DECAY_S.max(1.5 * period) {
             let [newton, step] = steps(&paths, modes.newton(intervals));
@@ -122,9 +138,9 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
                 && is_stable
                 && let Some(before) = before
             {
-                let (trial, before) = (Box::new(trial), Box::new(before));
-                let distance = distance.max(assumed);
-                return Ok(Outcome::Found { trial, before, distance, samples: output.unwrap_or_default() });
+                let (distance, samples) = (distance.max(assumed), output.unwrap_or_default());
+                let unmoved = unmoved.filter(|_| has_touched);
+                return Ok(Outcome::Found(Box::new(Found { trial, before, distance, samples, unmoved })));
             }
             if simulated_s + period > patience_s {
                 return Ok(Outcome::Lost(Box::new(trial)));
@@ -138,6 +154,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
             if is_stable && (is_plausible || is_coarse && is_close) {
                 let share = if difference <= DIFFERENCE { 1.0 } else { 0.5 };
+                unmoved.get_or_insert_with(|| state.clone());
                 state = moved(&mut trial, &((from + step - end) * share));
             }
             if next_is_coarse && (is_close || simulated_s > COARSE * patience_s) {

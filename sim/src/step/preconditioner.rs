@@ -268,17 +268,22 @@ impl Equations {
     }
 }
 
-/// Segments up to this many edges away from a node are integrated exactly in a coarse mobility.
+/// Segments up to this many edges away from a node are integrated exactly in a coarse mobility ...
 const NEAR_EDGES: usize = 2;
+/// ... and up to this many regularisations: nearer ones at their ends make the mobility of a thick rod indefinite, and its
+/// inverse useless.
+const NEAR_EPSILONS: f64 = 3.0;
 
 /// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends. The error
 /// is some per cent of the far part, less than the effect of the changing shape while the inverse is in use.
 fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> DMatrix<f64> {
     let (n, factor, e2) = (nodes.len(), stokeslet_factor(fluid.viscosity), fluid.epsilon * fluid.epsilon);
     let half: Vec<f64> = nodes.windows(2).map(|p| 0.5 * (p[1] - p[0]).norm()).collect();
+    let edge = 2.0 * half.iter().sum::<f64>() / half.len() as f64;
+    let near_edges = NEAR_EDGES.max((NEAR_EPSILONS * fluid.epsilon / edge).ceil() as usize);
     let mut mobility = DMatrix::zeros(3 * n, 3 * n);
     for (i, x) in nodes.iter().enumerate() {
-        let near = i.saturating_sub(NEAR_EDGES + 1)..(i + NEAR_EDGES + 1).min(n - 1);
+        let near = i.saturating_sub(near_edges + 1)..(i + near_edges + 1).min(n - 1);
         for (j, y) in nodes.iter().enumerate() {
             let segments = j.saturating_sub(1)..(j + 1).min(n - 1);
             let length: f64 = segments.filter(|e| !near.contains(e)).map(|e| half[e]).sum();

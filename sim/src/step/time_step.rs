@@ -86,9 +86,12 @@ impl TimeStep {
             let angle = speed.abs() * length;
             let derivative = derivative(angle, &times[..points]);
             let extrapolation = value_at(angle, behind, 0.0);
-            let predictions = [prediction_points, prediction_points.min(POINTS - 1)]
-                .map(|points| value_at(angle, &behind[..points], 0.0));
-            let prediction = std::array::from_fn(|j| 0.5 * (predictions[0][j] + predictions[1][j]));
+            let of = |points: usize| match points {
+                same if same == past_points => extrapolation,
+                fewer => value_at(angle, &behind[..fewer], 0.0),
+            };
+            let (most, fewer) = (of(prediction_points), of(prediction_points.min(POINTS - 1)));
+            let prediction = std::array::from_fn(|j| 0.5 * (most[j] + fewer[j]));
             let error_share = error_share(derivative[0], behind[past_points - 1]);
             Weights { derivative, prediction, extrapolation, error_share }
         };

@@ -1,0 +1,67 @@
+//! The witness of a search: the trial's own path, from before the first step of the search.
+//!
+//! A step of a search may lead to where another stable motion begins; robots whose flagella touch have more than one. So the
+//! state that no step has moved goes on without steps, and its means over a period are compared with those of the motion. They
+//! agree as soon as their difference is within both ±, or has fallen to [`FALLEN`] of what it was: modes that are left decay in
+//! 18 s or less, and a path that ends elsewhere keeps most of its distance.
+
+use super::{SolveError, Watch, run};
+use crate::functions::exp;
+use crate::step::state::State;
+use crate::trial::Trial;
+use crate::trial::means::Steady;
+use crate::trial::profile::SpeedProfile;
+
+/// Share of the first difference to which it must fall.
+const FALLEN: f64 = 0.2;
+/// Longest time of a witness, s: four of the longest time constants.
+const LONGEST_S: f64 = 72.0;
+/// Time constant, s, with which a difference would still have to fall for the witness to go on.
+const SLOWEST_S: f64 = 30.0;
+
+/// Lets a state go on, period after period, until it agrees with a motion or is known to end elsewhere. Returns its last period,
+/// and whether it agrees. `trial`: the last period of the motion; `found`: its means and their standard errors.
+///
+/// # Errors
+/// [`SolveError::Interrupted`] and [`SolveError::Profile`]. Where a step fails, nothing agrees.
+pub fn agrees(
+    trial: &Trial,
+    mut state: State,
+    found: &Steady,
+    rpm: [f64; 2],
+    start_rad: [f64; 2],
+    watch: Watch,
+) -> Result<(Trial, bool), SolveError> {
+    let (period, from) = (trial.profile().end() - trial.profile().start(), state.time);
+    let whole = SpeedProfile::constant(rpm, from + LONGEST_S + period)?.from_angles(start_rad);
+    let mut witness = trial.clone();
+    let mut earlier: Option<(f64, Steady)> = None;
+    loop {
+        witness = witness.followed_by(whole.between(state.time, state.time + period)?, state);
+        if run(&mut witness, f64::INFINITY, None, watch)?.is_err() {
+            return Ok((witness, false));
+        }
+        let now = witness.window_summary().steady;
+        let difference = distance(&now, found, found);
+        let first = earlier.as_ref().map_or(difference, |(first, _)| *first);
+        if difference <= (FALLEN * first).max(1.0) {
+            return Ok((witness, true));
+        }
+        if let Some((_, last)) = &earlier {
+            let left = distance(&now, last, found) / (1.0 - exp(-period / SLOWEST_S));
+            if difference - left > 1.0 || witness.state().time + period > from + LONGEST_S {
+                return Ok((witness, false));
+            }
+        }
+        earlier = Some((first, now));
+        state = witness.state().clone();
+    }
+}
+
+/// Returns the largest difference of the angles of two motions, over twice the ± of `stated`.
+fn distance(one: &Steady, other: &Steady, stated: &Steady) -> f64 {
+    let angles = one.attitude.iter().zip(&other.attitude).zip(&stated.attitude);
+    angles
+        .map(|((one, other), stated)| (one.mean - other.mean).abs() / (2.0 * stated.uncertainty()))
+        .fold(0.0, f64::max)
+}
