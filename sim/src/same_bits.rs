@@ -68,7 +68,9 @@ fn of_search() -> u64 {
 
 /// Hashes a value (FNV-1a). Zero has no sign, and NaN one pattern.
 fn hash(value: &impl Serialize) -> u64 {
-    let text = serde_json::to_string(value).expect("JSON").replace("-0.0,", "0.0,").replace("-0.0]", "0.0]");
+    let text = [",", "]", "}"].iter().fold(serde_json::to_string(value).expect("JSON"), |text, end| {
+        text.replace(&format!("-0.0{end}"), &format!("0.0{end}"))
+    });
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
