@@ -11,6 +11,7 @@ use std::fmt::Write;
 
 /// Duration of a trial, s.
 const RUN_S: f64 = 4.0;
+
 const SPEEDS: [[f64; 2]; 10] = [
     [50.0, 10.0],
     [0.0, 45.0],

@@ -26,8 +26,8 @@ pub struct SolverSettings {
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.01); twice as much in steps that follow contact. The error of mean forces is about a tenth of it. In steps below 0.13 rad, it is
-    /// relative to the speed that would move the helix as far as a step of 0.13 rad does.
+    /// speed of the helix (0.01); twice as much in steps that follow contact. The error of mean forces is about a tenth of
+    /// it. In steps below 0.13 rad, it is relative to the speed that would move the helix as far as a step of 0.13 rad does.
     pub tolerance: f64,
     /// Largest number of times that the longest step is halved before the trial stops with an error (10).
     pub halvings: u32,
