@@ -40,41 +40,44 @@ fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> Periodic {
 
 #[test]
 fn solved_states_are_those_that_trials_end_in() {
+    // Without a kind where the search leaves its trial, and the trial answers.
     for (rpm, start, kind) in [
-        ([50.0, 10.0], [0.0, 0.0], Kind::Steady),
-        ([-60.0, 60.0], [0.0, 0.0], Kind::Steady),
-        ([90.0, 90.0], [0.0, 0.0], Kind::Steady),
-        ([0.0, 30.0], [0.0, 0.0], Kind::Steady),
+        ([50.0, 10.0], [0.0, 0.0], Some(Kind::Steady)),
+        ([-60.0, 60.0], [0.0, 0.0], Some(Kind::Steady)),
+        ([90.0, 90.0], [0.0, 0.0], Some(Kind::Steady)),
+        ([0.0, 30.0], [0.0, 0.0], Some(Kind::Steady)),
         // The phase decides to which side a flagellum that stands leans the robot.
-        ([0.0, 30.0], [180.0, 0.0], Kind::Steady),
-        ([0.0, 0.0], [0.0, 0.0], Kind::Steady),
+        ([0.0, 30.0], [180.0, 0.0], Some(Kind::Steady)),
+        ([0.0, 0.0], [0.0, 0.0], Some(Kind::Steady)),
         // No common period: means over both motor angles.
-        ([37.0, 53.0], [0.0, 0.0], Kind::Beating),
+        ([37.0, 53.0], [0.0, 0.0], Some(Kind::Beating)),
         // There are two stable motions, with yaws of -82.65 and -80.02 degrees; a trial ends in the second one.
-        ([80.66, 0.0], [0.0, 0.0], Kind::Steady),
+        ([80.66, 0.0], [0.0, 0.0], None),
         // Here with yaws of 78.61 and 74.32 degrees.
-        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady),
-        // A search finds a motion that no trial has reached after 120 s.
-        ([70.0, 10.0], [0.0, 0.0], Kind::NotFound),
+        ([-60.0, 0.0], [0.0, 0.0], None),
+        // The motion that a search finds is none that a trial ends in.
+        ([70.0, 10.0], [0.0, 0.0], None),
         // The flagella touch in each turn.
-        ([80.0, 40.0], [0.0, 0.0], Kind::Steady),
-        ([-60.0, -60.0], [0.0, 0.0], Kind::Steady),
+        ([80.0, 40.0], [0.0, 0.0], Some(Kind::Steady)),
+        ([-60.0, -60.0], [0.0, 0.0], Some(Kind::Steady)),
     ] {
         let (solved, trial) = (solve(rpm, start), trial(rpm, start));
         println!("{rpm:?} from {start:?} deg: {:?} after {:.0} s", solved.kind, solved.simulated_s);
-        let is_found = kind != Kind::NotFound;
-        assert_eq!((solved.kind, solved.summary.steady.settled), (kind, is_found), "{rpm:?} {start:?}");
-        if !is_found {
-            continue;
-        }
+        assert_eq!(
+            (solved.kind, solved.summary.steady.settled),
+            (kind.unwrap_or(solved.kind), true),
+            "{rpm:?} {start:?}"
+        );
         let angles = solved.summary.steady.attitude.iter().zip(&trial.steady.attitude);
         for (name, (solved, trial)) in ["yaw", "pitch", "roll"].into_iter().zip(angles) {
             let off = (solved.mean - trial.mean).abs() / (solved.uncertainty() + trial.uncertainty());
             prove(&format!("steady state of {rpm:?}: {name} against the trial, over both ±"), off, 1.0);
         }
-        let thrust = |summary: &Summary, k: usize| summary.steady.force[k][2].mean * 1e3;
-        let off = (0..2).map(|k| (thrust(&solved.summary, k) - thrust(&trial, k)).abs()).fold(0.0, f64::max);
-        prove(&format!("steady state of {rpm:?}: thrusts against the trial, mN"), off, 0.1);
+        for k in 0..2 {
+            let (solved, trial) = (&solved.summary.steady.force[k][2], &trial.steady.force[k][2]);
+            let off = (solved.mean - trial.mean).abs() / (solved.uncertainty() + trial.uncertainty());
+            prove(&format!("steady state of {rpm:?}: thrust {} against the trial, over both ±", k + 1), off, 1.0);
+        }
     }
 }
 
@@ -86,7 +89,7 @@ fn a_run_without_a_search_has_the_values_of_a_trial() {
         // The solution ends a step where its window begins, which a trial does not: with short steps that is no difference.
         robot.solver.step_error *= 0.1;
         robot.solver.step_rad *= 0.2;
-        robot.solver.tolerance *= 0.1;
+        robot.solver.tolerance *= 0.05;
         let solved = steady::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| true).expect("a run");
         let profile = SpeedProfile::constant(rpm, longest_s).expect("a profile");
         let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");

@@ -16,7 +16,7 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverSettings {
-    /// Estimated error of a step above which steps become shorter (5e-4): root mean square displacement of the flagella
+    /// Estimated error above which a step is repeated with half its length (5e-4): root mean square displacement of the flagella
     /// against the fluid, over the radius of the helix. [`crate::step::StepControl`] lists the resulting errors of
     /// means.
     pub step_error: f64,
@@ -26,8 +26,8 @@ pub struct SolverSettings {
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.01); twice as much in steps that follow contact. The error of mean forces is about a tenth of
-    /// it. In steps below 0.13 rad, it is relative to the speed that would move the helix as far as a step of 0.13 rad does.
+    /// speed of the helix (0.02). The error of mean forces is about a tenth of it. In steps below 0.13 rad, it is relative
+    /// to the speed that would move the helix as far as a step of 0.13 rad does.
     pub tolerance: f64,
     /// Largest number of times that the longest step is halved before the trial stops with an error (10).
     pub halvings: u32,
@@ -56,7 +56,7 @@ impl Default for SolverSettings {
             step_error: 5e-4,
             step_rad: 0.3,
             longest_step_s: 0.1,
-            tolerance: 0.01,
+            tolerance: 0.02,
             halvings: 10,
             sweeps: 25,
             near_edges: 2,

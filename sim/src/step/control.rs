@@ -26,13 +26,10 @@ pub struct StepError {
 
 /// Halvings of the first step: it starts from rest with a formula of first order.
 const FIRST_LEVEL: u32 = 3;
-/// A step with an error above this many times its bound is repeated. About contact, an error above the bound itself
-/// makes the next step shorter.
-const REJECTED: f64 = 4.0;
 /// Largest error of a step of any length, in helix radii.
 const RESOLVED: f64 = 0.05;
-/// After a step with an error below this share of the bound, the next one may be longer: twice the length has up to 32
-/// times the error, which is still accepted.
+/// After a step with an error below this share of the bound, the next one may be longer. Twice the length has up to 32
+/// times the error, but less while a contact decays; a step that is too long is repeated.
 const EASY: f64 = 1.0 / 8.0;
 /// After a step with this many sweeps or more, the next one is not longer.
 const EASY_SWEEPS: u32 = 9;
@@ -58,9 +55,9 @@ const STRETCH: f64 = 1.01;
 /// Chooses the length of each step by the outcome of the last ones.
 ///
 /// Lengths are the longest one, `solver.step_rad`, and its repeated halves: few lengths need few frozen inverses. A
-/// large estimated error of a step, relative to `solver.step_error`, halves the next one or repeats the step with half
-/// its length; small errors let later steps grow again. It is an error of displacements. Errors of mean loads are small
-/// if all steps have the same one, as `truncation` derives.
+/// step whose estimated error is above `solver.step_error` is repeated with half its length; small errors let later steps
+/// grow again. It is an error of displacements. Errors of mean loads are small if all steps have the same one, as
+/// `truncation` derives.
 ///
 /// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
 /// and their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, and steps do
@@ -150,7 +147,7 @@ impl StepControl {
     fn allowed_error(&self, solver: &Solver) -> f64 {
         let model = solver.model();
         let settings = &model.robot.solver;
-        let share = if self.level < settings.halvings { REJECTED * settings.step_error } else { RESOLVED };
+        let share = if self.level < settings.halvings { settings.step_error } else { RESOLVED };
         share.min(RESOLVED) * model.radius()
     }
 
@@ -174,9 +171,7 @@ impl StepControl {
         if !self.free() {
             self.held = 0.0;
         }
-        if error > 1.0 && !self.free() && self.level < settings.halvings {
-            self.set_level(self.level + 1);
-        } else if error > EASY || report.sweeps >= EASY_SWEEPS {
+        if error > EASY || report.sweeps >= EASY_SWEEPS {
             self.easy_steps = 0;
             self.held = if self.held > 0.0 { EASY_ANGLE } else { 0.0 };
         } else if has_estimate {

@@ -19,13 +19,9 @@ const TWIST_LEVER: f64 = 5.0;
 /// It matters in steps below 0.13 rad: their residuals move the rods less, which saves some of the slowly converging
 /// sweeps while flagella snap past each other.
 const LEAST_MOTION: f64 = 0.07;
-/// Least number of sweeps after the first for a moving base. The base and the other rod lag by one sweep: with one
-/// sweep a step, errors below the tolerance would grow from step to step until they reach it.
+/// Least number of sweeps after the first for a moving base. The first rod lags the second by one sweep: with one sweep a
+/// step, errors below the tolerance would grow from step to step until they reach it.
 const TWO_WAY_SWEEPS: u32 = 1;
-/// Tolerance of a step that follows contact, over the others': means of flagella that touch have a larger error of other
-/// origin, and sweeps that converge slowly. What iterations leave of free motion wanders through its softest mode, that of a
-/// flagellum that stands.
-const CONTACT_TOLERANCE: f64 = 2.0;
 /// Bound of the velocity by which contact moves the rods in a sweep, in tolerances. The sweep's residual is computed
 /// before that motion, and the next residual contains only a small part of it.
 const CONTACT_MOTION: f64 = 6.0;
@@ -99,14 +95,13 @@ pub struct Convergence {
 impl Convergence {
     /// Returns the judge of one step.
     pub fn new(problem: &StepProblem) -> Self {
-        let StepProblem { model, state, step, .. } = problem;
+        let StepProblem { model, step, .. } = problem;
         let Model { robot, limits: Limits { gap_error, .. }, .. } = model;
         let fastest = step.motors.iter().fold(LEAST_SPEED, |a, m| a.max(m.speed.abs()));
         let speed = fastest * model.radius();
         let least = LEAST_MOTION * model.radius() * step.kappa(0).max(step.kappa(1));
-        let share = if state.pairs.is_empty() { 1.0 } else { CONTACT_TOLERANCE };
         Self {
-            tolerance: share * robot.solver.tolerance * speed.max(least),
+            tolerance: robot.solver.tolerance * speed.max(least),
             gap_tolerance: *gap_error,
             speed,
             reach: robot.flagellum.axial_length_m + robot.base.height_m,

@@ -222,6 +222,20 @@ impl Flagellum {
         from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
     }
 
+    /// Moves the trial shape by the rod's response to a change of the base's velocity (m/s) and angular velocity (rad/s) at
+    /// the shaft's foot, shaft axes.
+    pub fn follow_base(&mut self, preconditioner: &Preconditioner, velocity: V3, rotation: V3) {
+        self.product.fill(0.0);
+        let motion = [velocity.x, velocity.y, velocity.z, rotation.x, rotation.y, rotation.z];
+        for (rate, column) in motion.into_iter().zip(&preconditioner.response.unknowns) {
+            for (slot, value) in self.product.iter_mut().zip(column) {
+                *slot += rate as f32 * value;
+            }
+        }
+        from_reference(&preconditioner.frames, &self.frames, 1.0, &self.product, &mut self.correction);
+        self.apply_correction();
+    }
+
     /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes. For
     /// flows of unit forces, these are columns of its compliance.
     #[inline(never)] // so that a profile shows it

@@ -55,9 +55,18 @@ pub struct Preconditioner {
     /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
     inverse: Inverse,
-    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame)
-    /// within one step for a velocity and angular velocity of the base there: N s/m and N m s.
-    pub response: Matrix6<f64>,
+    /// The rod's response to a moving base.
+    pub response: BaseResponse,
+}
+
+/// What a velocity (m/s) and an angular velocity (rad/s) of the base at the shaft's foot change within one step, shaft
+/// frame.
+#[derive(Clone, Debug)]
+pub struct BaseResponse {
+    /// Force and torque of the fluid on the rod, about the foot: N s/m and N m s.
+    pub load: Matrix6<f64>,
+    /// The rod's unknowns, a column for each of the six motions, in the frames of the inverse.
+    pub unknowns: [Vec<f32>; 6],
 }
 
 #[derive(Clone, Debug)]
@@ -216,10 +225,11 @@ impl Equations {
     }
 
     /// Returns the response to a moving base. `solve`: the inverse times a vector.
-    fn response(&self, rod: &Rod, solve: impl Fn(&[f64]) -> Vec<f64>, kappa: f64) -> Matrix6<f64> {
+    fn response(&self, rod: &Rod, solve: impl Fn(&[f64]) -> Vec<f64>, kappa: f64) -> BaseResponse {
         let n = rod.nodes();
         let free = n - CLAMPED;
-        let mut response = Matrix6::zeros();
+        let mut load = Matrix6::zeros();
+        let mut unknowns = [const { Vec::new() }; 6];
         for motion in 0..6 {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
@@ -252,19 +262,20 @@ impl Equations {
                 }
                 let torque = x.cross(&force);
                 for a in 0..3 {
-                    response[(a, motion)] += force[a];
-                    response[(3 + a, motion)] += torque[a];
+                    load[(a, motion)] += force[a];
+                    load[(3 + a, motion)] += torque[a];
                 }
             }
             for (edge, [tangent, ..]) in self.frames.iter().enumerate() {
                 let change = if edge == 0 { 0.0 } else { kappa * correction[3 * free + edge - 1] };
                 let torque = -self.spin_drag.frame * rod.rest_length[edge] * (change + turning(edge));
                 for a in 0..3 {
-                    response[(3 + a, motion)] += tangent[a] * torque;
+                    load[(3 + a, motion)] += tangent[a] * torque;
                 }
             }
+            unknowns[motion] = correction.iter().map(|v| *v as f32).collect();
         }
-        response
+        BaseResponse { load, unknowns }
     }
 }
 
