@@ -104,7 +104,7 @@ test: build python
 	@rm -rf target/times
 	@$(CARGO) test --config 'target."cfg(unix)".runner=["$(CURDIR)/tests/timed.sh"]' --release --workspace --locked --no-fail-fast --tests \
 		-- --skip real_time::; \
-	programs=$$?; $(CARGO) test --release --locked -p tests --test all real_time:: -- --test-threads 1; real_time=$$?; \
+	programs=$$?; $(CARGO) test --release --locked --workspace --test all real_time:: -- --test-threads 1; real_time=$$?; \
 	$(CARGO) test --release --workspace --locked --doc; documents=$$?; \
 	echo "\nThe slowest tests, in seconds:"; \
 	(cd target/times && awk '/>$$/ { split(FILENAME, of, " "); gsub(/[<>s]/, "", $$NF); print $$NF, of[1], $$2 }' *) | sort -rn | head -n 20; \
