@@ -82,10 +82,10 @@ fn physical_lies_at_the_experiment() {
 
 #[test]
 fn steps_are_short_enough_for_steady_angles() {
-    // Of every combination of senses; where they are opposite the flagella pass each other faster than either turns.
-    let published = [[90.0, 45.0], [-90.0, 45.0], [90.0, -90.0]];
+    // Of opposite senses: the flagella pass each other faster than either turns.
+    let published = [[90.0, -90.0]];
     let physical = [[43.68, -81.73], [-82.92, 74.28]];
-    // The second two have touched, or have slow modes, and are not settled before.
+    // `physical` has touched there, or has slow modes, and is not settled before.
     for (robot, pairs, run_s) in [(Robot::published(), &published[..], 120.0), (Robot::default(), &physical, 160.0)] {
         for &rpm in pairs {
             let angles = |robot: &Robot| {

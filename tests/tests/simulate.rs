@@ -8,9 +8,9 @@ use std::process::Child;
 use std::time::{Duration, Instant};
 use tests::{Bench, Run, memory_kb, signal};
 
-/// Twelve trials that take about a second together.
+/// Six trials that take about a second together.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 14\ndecay = 3\n\
-                    [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
+                    [speeds]\ngrid = { w1 = [-60, 40, 50], w2 = [20, 80, 60] }\n";
 
 /// Returns every file of a session except its manifest, which contains the start time.
 fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -100,7 +100,7 @@ fn ctrl_c_leaves_complete_trials_and_resume_continues() {
     let plan = bench.file("plan.toml", PLAN);
     bench.run(simulate(&plan, &["--out", "whole", "--jobs", "2"])).expect_code(3);
     let whole = files(&bench.path().join("whole"));
-    assert_eq!(whole.len(), 12);
+    assert_eq!(whole.len(), 6);
 
     let session = bench.path().join("session");
     let running = bench.start(simulate(&plan, &["--out", "session", "--jobs", "1"]));
@@ -108,13 +108,13 @@ fn ctrl_c_leaves_complete_trials_and_resume_continues() {
     signal(&running, Signal::INT);
     let run = Run::of(running).expect_code(130);
     let kept = files(&session);
-    assert!(!kept.is_empty() && kept.len() < 12 && kept.iter().all(|(name, log)| whole.get(name) == Some(log)));
+    assert!(!kept.is_empty() && kept.len() < 6 && kept.iter().all(|(name, log)| whole.get(name) == Some(log)));
     assert_eq!(run.json()["trials"].as_array().unwrap().len(), kept.len());
 
     let run = bench.run(simulate(&plan, &["--out", "session", "--resume"])).expect_code(3);
     assert!(files(&session) == whole);
     let computed = |trial: &&Value| !trial["wall_s"].is_null();
-    assert_eq!(run.json()["trials"].as_array().unwrap().iter().filter(computed).count(), 12 - kept.len());
+    assert_eq!(run.json()["trials"].as_array().unwrap().iter().filter(computed).count(), 6 - kept.len());
 }
 
 /// The logs of a session of shards that is killed, as often as `KILLS` says, equal those of an uninterrupted one.

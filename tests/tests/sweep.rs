@@ -124,7 +124,7 @@ fn peak_mb(mut child: Child) -> f64 {
 #[test]
 fn memory_does_not_grow_with_the_points() {
     let bench = Bench::new();
-    let peaks = [32_768, 98_304].map(|count| {
+    let peaks = [16_384, 49_152].map(|count| {
         let plan = format!(
             "[vary]\n\"group.spacing\" = {{ from = 0.1, to = 0.4, count = {count} }}\n[speeds]\npairs = [[50, 10]]\n"
         );

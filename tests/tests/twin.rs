@@ -38,7 +38,7 @@ fn replay_agrees_with_the_recording_only_in_the_same_fluid() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",
-        "[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 20\nrun = 40\ndecay = 30\n[speeds]\npairs = [[-90, 90]]\n",
+        "[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 15\nrun = 30\ndecay = 20\n[speeds]\npairs = [[-90, 90]]\n",
     );
     // The replay is to be exact, and not the sensor.
     let ideal = ["--virtual", "--sensor", "ideal", "--seed", "7"];

@@ -126,6 +126,7 @@ fn typical_sensor_is_in_the_intervals_and_a_copy_is_no_evidence() {
 
 /// A sensor has the same errors in all of its trials, and more trials do not average them; other boards have others.
 #[test]
+#[ignore = "three fits, ten seconds: part of `make proof`"]
 fn errors_of_a_sensor_are_common_to_its_trials() {
     let mut draw = Draw(13);
     let hidden = Hidden { part: Part::typical(&mut draw), ..Hidden::default() };
@@ -170,6 +171,7 @@ fn wrong_model_is_named() {
 /// Lines miss more of the swirl of a thick rod than of a thin one: verdicts and intervals of a trial of a real robot have the
 /// error of its own rods.
 #[test]
+#[ignore = "ten seconds: part of `make proof`"]
 fn error_of_the_model_is_that_of_the_robots_rods() {
     let [thin, thick] = [0.0021, 0.0043].map(|rod_radius_m| {
         let mut robot = Robot { tank: Some(Tank::published()), ..Robot::default() };
@@ -235,6 +237,7 @@ fn each_trial_has_the_viscosity_of_its_temperature() {
 /// A fit from a start that is too far is refused at its limit, or says that it did not move, tells nothing, or does not
 /// describe the trial.
 #[test]
+#[ignore = "a quarter of a minute: part of `make proof`"]
 fn a_start_that_is_too_far_is_reported() {
     let mut draw = Draw(3);
     let hidden = Hidden::default();
@@ -255,6 +258,7 @@ fn a_start_that_is_too_far_is_reported() {
 
 /// The sensor may be mounted at any angle about the vertical.
 #[test]
+#[ignore = "ten seconds: part of `make proof`"]
 fn a_sensor_that_looks_backwards_is_found() {
     let mut draw = Draw(5);
     let hidden = Hidden { mount_yaw_deg: 175.0, ..Hidden::default() };
