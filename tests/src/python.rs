@@ -22,13 +22,10 @@ fn environment(which: &str) -> PathBuf {
     String::from_utf8(output.stdout).expect("a path").trim_end().into()
 }
 
-/// Returns a command that runs a program of an environment, and compiles the modules that it imports once for all runs. It
-/// gives way to tests that run in real time, because it may compute on all cores.
+/// Returns a command that runs a program of an environment, and compiles the modules that it imports once for all runs.
 pub fn command(program: &Path) -> Command {
-    let mut command = Command::new("nice");
+    let mut command = Command::new(program);
     command
-        .args(["-n", "10"])
-        .arg(program)
         .env_remove("PYTHONDONTWRITEBYTECODE")
         .env("PYTHONPYCACHEPREFIX", repository().join("target/tmp/python-cache"));
     command

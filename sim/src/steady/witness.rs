@@ -17,7 +17,7 @@ const FALLEN: f64 = 0.2;
 /// Longest time of a witness, s: four of the longest time constants.
 const LONGEST_S: f64 = 72.0;
 /// Time constant, s, with which a difference would still have to fall for the witness to go on.
-const SLOWEST_S: f64 = 30.0;
+const LONGEST_DECAY_S: f64 = 30.0;
 
 /// Lets a state go on, period after period, until it agrees with a motion or is known to end elsewhere. Returns its last period,
 /// and whether it agrees. `trial`: the last period of the motion; `found`: its means and their standard errors.
@@ -48,7 +48,7 @@ pub fn agrees(
             return Ok((witness, true));
         }
         if let Some((_, last)) = &earlier {
-            let left = distance(&now, last, found) / (1.0 - exp(-period / SLOWEST_S));
+            let left = distance(&now, last, found) / (1.0 - exp(-period / LONGEST_DECAY_S));
             if difference - left > 1.0 || witness.state().time + period > from + LONGEST_S {
                 return Ok((witness, false));
             }

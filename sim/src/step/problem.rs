@@ -26,13 +26,19 @@ impl StepProblem<'_> {
     pub fn kinematics(&self, rate: V3) -> [Kinematics; 2] {
         let rate = if self.model.two_way() { rate } else { V3::zeros() };
         [0, 1].map(|k| {
-            let shaft = &self.step.shafts[k];
+            let (base_velocity, rotation) = self.base_motion(k, rate);
             Kinematics {
-                base_velocity: shaft.to_shaft(rate.cross(&self.model.feet[k])),
-                rotation: shaft.to_shaft(rate) + V3::z() * self.step.motors[k].speed,
+                base_velocity,
+                rotation: rotation + V3::z() * self.step.motors[k].speed,
                 kappa: self.step.kappa(k),
             }
         })
+    }
+
+    /// Returns the velocity of shaft `k`'s origin, m/s, and the angular velocity of the base, rad/s, both in the shaft's frame.
+    pub fn base_motion(&self, k: usize, rate: V3) -> (V3, V3) {
+        let shaft = &self.step.shafts[k];
+        (shaft.to_shaft(rate.cross(&self.model.feet[k])), shaft.to_shaft(rate))
     }
 
     /// Updates frames, elastic forces and force densities of flagellum `k` at its trial shape.

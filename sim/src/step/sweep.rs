@@ -207,9 +207,8 @@ impl Sweeps {
         let moment = problem.flagella_moment(&self.flagella, &body.body) + self.surroundings.induced_moment();
         let change = body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)?;
         for (k, flagellum) in self.flagella.iter_mut().enumerate() {
-            let shaft = &problem.step.shafts[k];
-            let foot = change.cross(&problem.model.feet[k]);
-            flagellum.follow_base(problem.inverses[k], shaft.to_shaft(foot), shaft.to_shaft(change));
+            let (velocity, rotation) = problem.base_motion(k, change);
+            flagellum.follow_base(problem.inverses[k], velocity, rotation);
         }
         self.update_forces(problem, body);
         Ok(change.norm())

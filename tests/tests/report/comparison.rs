@@ -2,8 +2,8 @@
 
 use super::{is_quiet, picture, printed, scrub, view};
 use serde_json::json;
-use tests::Bench;
 use tests::browser::Browser;
+use tests::{Bench, wait_until};
 
 #[test]
 fn comparison_is_printed_with_the_robot_of_its_model() {
@@ -124,8 +124,11 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     browser.open(&page);
     // A session of few trials opens the first one, and its robot moves.
     assert!(browser.text("section.trial:not([hidden]) h2").starts_with("001_w1+50_w2+10"));
-    assert_eq!(browser.evaluate("document.querySelector('section:not([hidden]) .playing') !== null"), json!(true));
-    browser.click("section:not([hidden]) .play");
+    // On a busy computer it may have come to its end.
+    wait_until("its robot moves", || {
+        browser.evaluate("document.querySelector('section:not([hidden]) .scrub').value > 0") == true
+    });
+    browser.evaluate("document.querySelector('section:not([hidden]) .play.playing')?.click()");
     browser.evaluate("location.hash = 'trial-2'");
     browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
     let shown = "section:not([hidden])";
