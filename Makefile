@@ -97,8 +97,8 @@ python: setup
 	$(CARGO) build --release --locked -p biflag-python
 	@sh tests/python.sh newest
 
-# Most tests wait for a board, a program or a browser half of their time; those that run in real time bear one more beside them.
-test: export RUST_TEST_THREADS ?= $(shell echo $$((1 + $$(nproc))))
+# Most tests wait for a board, a program or a browser half of their time.
+test: export RUST_TEST_THREADS ?= $(shell echo $$((2 + $$(nproc))))
 test: build python
 	@sh firmware/setup.sh test
 	@rm -rf target/times

@@ -107,29 +107,28 @@ fn steps_are_short_enough_for_steady_angles() {
 #[test]
 fn steps_resolve_the_snaps_of_meshing_flagella() {
     // `cargo run --release -p sim --example steps` has more points and a finer reference.
-    for rpm in [[-80.0, -20.0], [-30.0, -90.0]] {
-        let means = |robot: &Robot| {
-            let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
-            let options = Options { rate_hz: 200.0, shapes: false };
-            let trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
-            let samples = trial.collect::<Result<Vec<_>, _>>().expect("a run");
-            let last: Vec<_> = samples.iter().filter(|s| s.time_s > 24.0).collect();
-            let mean = |value: fn(&Sample) -> f64| last.iter().map(|s| value(s)).sum::<f64>() / last.len() as f64;
-            let thrusts = [mean(|s| s.force_n[0][2]), mean(|s| s.force_n[1][2])];
-            (thrusts, [mean(|s| s.yaw_rad), mean(|s| s.pitch_rad), mean(|s| s.roll_rad)].map(f64::to_degrees))
-        };
-        let mut fine = Robot::published();
-        (fine.solver.step_rad, fine.solver.step_error, fine.solver.tolerance) = (0.15, 2e-4, 0.01);
-        let (usual, fine) = (means(&Robot::published()), means(&fine));
-        let check = |name: &str, measured: f64, bound: f64| {
-            prove(&format!("full ({}, {}), contact: {name} against short steps", rpm[0], rpm[1]), measured, bound);
-        };
-        let scale = fine.0[0].abs().max(fine.0[1].abs());
-        let thrust = (0..2).map(|k| (usual.0[k] - fine.0[k]).abs()).fold(0.0, f64::max);
-        check("mean thrust, relative", thrust / scale, 0.01);
-        for (c, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
-            check(&format!("{name}, degrees"), (usual.1[c] - fine.1[c]).abs(), 0.1);
-        }
+    let rpm = [-80.0, -20.0];
+    let means = |robot: &Robot| {
+        let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
+        let options = Options { rate_hz: 200.0, shapes: false };
+        let trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
+        let samples = trial.collect::<Result<Vec<_>, _>>().expect("a run");
+        let last: Vec<_> = samples.iter().filter(|s| s.time_s > 24.0).collect();
+        let mean = |value: fn(&Sample) -> f64| last.iter().map(|s| value(s)).sum::<f64>() / last.len() as f64;
+        let thrusts = [mean(|s| s.force_n[0][2]), mean(|s| s.force_n[1][2])];
+        (thrusts, [mean(|s| s.yaw_rad), mean(|s| s.pitch_rad), mean(|s| s.roll_rad)].map(f64::to_degrees))
+    };
+    let mut fine = Robot::published();
+    (fine.solver.step_rad, fine.solver.step_error, fine.solver.tolerance) = (0.15, 2e-4, 0.01);
+    let (usual, fine) = (means(&Robot::published()), means(&fine));
+    let check = |name: &str, measured: f64, bound: f64| {
+        prove(&format!("full ({}, {}), contact: {name} against short steps", rpm[0], rpm[1]), measured, bound);
+    };
+    let scale = fine.0[0].abs().max(fine.0[1].abs());
+    let thrust = (0..2).map(|k| (usual.0[k] - fine.0[k]).abs()).fold(0.0, f64::max);
+    check("mean thrust, relative", thrust / scale, 0.01);
+    for (c, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
+        check(&format!("{name}, degrees"), (usual.1[c] - fine.1[c]).abs(), 0.1);
     }
 }
 
