@@ -251,8 +251,8 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
 
 #[test]
 fn phase_of_a_rigs_flagella_is_found_and_used() {
-    let plan = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
-                [speeds]\npairs = [[60, 60]]\n";
+    let plan = "[session]\nname = \"short\"\n[trial]\ncalibrate = 20\npreroll = 12\nrun = 16\ndecay = 3\n\
+                [speeds]\npairs = [[45, 45]]\n";
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("plan.toml"), plan).unwrap();
@@ -260,7 +260,7 @@ fn phase_of_a_rigs_flagella_is_found_and_used() {
     let code = biflag(folder, &["simulate", "plan.toml", "--robot", "stands.toml", "--rate", "200"]).status.code();
     assert!(matches!(code, Some(0 | 3)), "{code:?}");
     let mut sensor = Sensor::new(3);
-    as_of_a_rig(&folder.join("short/001_w1+60_w2+60.mcap"), &folder.join("rig.mcap"), true, |frame| {
+    as_of_a_rig(&folder.join("short/001_w1+45_w2+45.mcap"), &folder.join("rig.mcap"), true, |frame| {
         sensor.spoil(frame);
         true
     });

@@ -219,6 +219,7 @@ fn commands_that_measure_the_sensor() {
 }
 
 #[test]
+#[ignore = "half a minute of the model: part of `make proof`"]
 fn commands_about_the_model() {
     assert!(Reader::new().follow("model.md") >= 8);
     assert!(Reader::new().follow("published.md") >= 4);

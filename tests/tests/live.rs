@@ -338,7 +338,7 @@ fn layouts_name_fields_that_exist() {
 fn the_page_in_the_browser_follows_the_robot_and_stops_it() {
     let bench = Bench::new();
     let trial = "calibrate = 0\npreroll = 2\nrest_at_most = 0\nrun = 20\ndecay = 1";
-    let plan = format!("[session]\nname = \"bench\"\n[trial]\n{trial}\n[speeds]\npairs = [[50, 10]]\nrepeats = 9\n");
+    let plan = format!("[session]\nname = \"bench\"\nrepeats = 9\n[trial]\n{trial}\n[speeds]\npairs = [[50, 10]]\n");
     let plan = bench.file("plan.toml", &plan);
     // It takes a busy computer longer to start than the trials take.
     let mut browser = Browser::start();

@@ -101,7 +101,7 @@ def test_a_robot_keeps_its_fit(robot: Path, aimed: biflag.Aimed, tmp_path: Path)
 
 
 def test_an_attitude_out_of_reach_has_a_nearest_one(tmp_path: Path) -> None:
-    aimed = biflag.aim(biflag.Robot.physical(), pitch=30, roll=30)
+    aimed = biflag.aim(biflag.Robot.published(), pitch=30, roll=30)
     assert not aimed.reachable and not aimed.solutions and aimed.nearest is not None
     assert aimed.confidence is None and "not fitted" in aimed.doubts[0].reason
     assert aimed.nearest.error_deg > 10 and "not found" in repr(aimed) and aimed.table().rows == 1

@@ -101,7 +101,7 @@ def test_fast_environment_is_near_the_model() -> None:
     full = gymnasium.make(NAME)
     random = np.random.default_rng(5)
     differences = []
-    for episode in range(4):
+    for episode in range(2):
         for one in (environment, full):
             one.reset(seed=episode)
         for _ in range(3):

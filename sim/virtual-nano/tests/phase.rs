@@ -178,7 +178,8 @@ fn turn_to(host: &mut Host, position: [i32; 2], rpm: f64) -> f64 {
 
 #[test]
 fn shafts_turn_to_their_positions_and_stay() {
-    for rig in &RIGS {
+    let step = if whole() { 1 } else { 2 };
+    for rig in RIGS.iter().step_by(step) {
         let mut host = rig.ready();
         host.order(Command::Align);
         for position in [[151, -301], [150, -290], [-452, 17], [-452, 16]] {

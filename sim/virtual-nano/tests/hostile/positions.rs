@@ -35,7 +35,7 @@ fn order(host: &mut Host, random: &mut Noise) {
 /// `CUTS=1000` is the long run.
 #[test]
 fn a_loss_of_power_leaves_right_positions_or_none() {
-    let cuts = std::env::var("CUTS").map_or(40, |cuts| cuts.parse().expect("CUTS is a number"));
+    let cuts = std::env::var("CUTS").map_or(20, |cuts| cuts.parse().expect("CUTS is a number"));
     let mut random = Noise::new(97);
     let mut host = Host::new(BoardOptions::default());
     host.hello();
