@@ -1,8 +1,9 @@
 #!/bin/sh
 # Builds the Nano's image and prints its path as the last line on stdout; everything else goes to stderr.
 #
-#   firmware/build.sh           build; prints <root>/target/firmware.elf
-#   firmware/build.sh --check   print the toolchain only
+#   firmware/build.sh            build; prints <root>/target/firmware.elf
+#   firmware/build.sh --check    print the toolchain only
+#   firmware/build.sh --sources  print the hash of the sources only, which the image contains
 #
 # The image needs a compiler for AVR with the sources of its own `core`: rustup's nightly with rust-src, or
 # Debian's rustc-web with rust-web-src. The rest of the workspace needs neither.
@@ -19,6 +20,14 @@ for name in $(env | sed -n 's/^\(\(CARGO\|RUST\)[A-Za-z0-9_]*\)=.*/\1/p'); do
     esac
 done
 unset LD_LIBRARY_PATH
+
+root=$(cd "$(dirname "$0")/.." && pwd)
+# By content: a checkout changes times, and a copy has its own.
+sources=$(cd "$root" && find firmware protocol Cargo.toml Cargo.lock -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-64)
+if [ "${1-}" = --sources ]; then
+    echo "$sources"
+    exit 0
+fi
 
 # True if the compiler $1 can build for AVR: it has the backend and the sources of its own core.
 can_build() {
@@ -53,10 +62,8 @@ if [ "${1-}" = --check ]; then
     exit 0
 fi
 
-cd "$(dirname "$0")"
-root=$(cd .. && pwd)
+cd "$root/firmware"
 echo "Building the firmware with $found" >&2
-begun=$(date +%s.%N)
 $cargo build --locked --profile avr --bin firmware --target-dir "$root/target" >&2
 
 # Tests build in parallel and load the image meanwhile: replace it atomically, and only if it has changed.
@@ -64,12 +71,12 @@ built=$root/target/avr-none/avr/firmware.elf
 image=$root/target/firmware.elf
 # Without symbols: the image that goes into `biflag`.
 stripped=$root/target/firmware.stripped.elf
-if ! cmp -s "$built" "$image" || [ ! -f "$stripped" ]; then
-    avr-strip -o "$stripped.$$.tmp" "$built"
+printf 'biflag-sources:%s' "$sources" > "$image.$$.sources"
+avr-objcopy --add-section .biflag.sources="$image.$$.sources" "$built" "$image.$$.tmp"
+if ! cmp -s "$image.$$.tmp" "$image" || [ ! -f "$stripped" ]; then
+    avr-strip -o "$stripped.$$.tmp" "$image.$$.tmp"
     mv "$stripped.$$.tmp" "$stripped"
-    cp "$built" "$image.$$.tmp"
     mv "$image.$$.tmp" "$image"
 fi
-# `biflag` builds it again if a source has changed since.
-touch -d "@$begun" "$image"
+rm -f "$image.$$.tmp" "$image.$$.sources"
 echo "$image"

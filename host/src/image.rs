@@ -1,26 +1,21 @@
 //! The firmware image inside this program.
 
 use crate::run::rig::{Image, ImageError, commit_of_image, repository};
-use std::io::Write;
 
 /// The image; empty if the program was built without one.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/firmware.elf"));
 
-/// Returns the image that belongs to this program: that of its repository, which is built first if a source is newer, or the
-/// one inside the program if it is elsewhere.
+/// Returns the image that belongs to this program: in its repository that of the source there, elsewhere the one inside the
+/// program.
 ///
 /// # Errors
-/// As [`Image::build`] and [`Image::extract`].
+/// As [`Image::of_source`] and [`Image::extract`].
 pub fn of_program() -> Result<Image, ImageError> {
-    let Some(root) = repository() else {
-        return if EMBEDDED.is_empty() { Err(ImageError::NoSource) } else { Image::extract(EMBEDDED) };
-    };
-    if let Some(image) = Image::built(&root) {
-        return Ok(image);
+    match repository() {
+        Some(root) => Image::of_source(&root, EMBEDDED),
+        None if EMBEDDED.is_empty() => Err(ImageError::NoSource),
+        None => Image::extract(EMBEDDED),
     }
-    // It takes a minute at first.
-    let _ = writeln!(std::io::stderr(), "building the firmware: its source is newer than its image");
-    Image::build(&root)
 }
 
 /// Returns the commit of the image inside the program.

@@ -4,7 +4,6 @@ use miette::Diagnostic;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::SystemTime;
 use study::text::hex;
 use tempfile::TempPath;
 use thiserror::Error;
@@ -13,11 +12,11 @@ use thiserror::Error;
 /// without changes, and the version of the protocol.
 const MARKER: &[u8] = b"biflag-firmware:";
 
-/// What builds the image, in the repository.
-const SCRIPT: &str = "firmware/build.sh";
+/// Marker in the image, followed by the hash of its sources.
+const SOURCES_MARKER: &[u8] = b"biflag-sources:";
 
-/// What the image is built from, in the repository.
-const SOURCES: [&str; 4] = ["firmware", "protocol", "Cargo.toml", "Cargo.lock"];
+/// What builds the image, in the repository, and prints the hash of its sources.
+const SCRIPT: &str = "firmware/build.sh";
 
 /// A firmware image.
 #[derive(Debug)]
@@ -86,40 +85,48 @@ impl Image {
         Ok(Self { _temporary: Some(path), ..image })
     }
 
-    /// Reads the image that `firmware/build.sh` left in a repository; `None` if there is none, or if a source is newer.
-    pub fn built(repository: &Path) -> Option<Self> {
-        let elf = repository.join("target/firmware.elf");
-        let built = elf.metadata().and_then(|file| file.modified()).ok()?;
-        let is_newest = SOURCES.iter().all(|name| last_change(&repository.join(name)).is_ok_and(|time| time <= built));
-        is_newest.then(|| Self::read(&elf).ok()).flatten()
-    }
-
-    /// Builds the image from the source in a repository.
+    /// Returns the image of the source in a repository: the one that `firmware/build.sh` left there, or this embedded one. If
+    /// both were built from another source, whatever their times, it is built first.
     ///
     /// # Errors
-    /// [`ImageError::BuildFailed`] with the output of the build, or as [`Image::read`].
-    pub fn build(repository: &Path) -> Result<Self, ImageError> {
-        let output = Command::new("sh")
-            .arg(repository.join(SCRIPT))
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|error| ImageError::BuildFailed(error.to_string()))?;
-        if !output.status.success() {
-            return Err(ImageError::BuildFailed(String::from_utf8_lossy(&output.stderr).trim_end().to_owned()));
+    /// [`ImageError::BuildFailed`], or as [`Image::read`] and [`Image::extract`].
+    pub fn of_source(repository: &Path, embedded: &[u8]) -> Result<Self, ImageError> {
+        let sources = script(repository, &["--sources"])?;
+        let is_of_source = |bytes: &[u8]| after(bytes, SOURCES_MARKER, sources.len()) == Some(sources.as_bytes());
+        let elf = repository.join("target/firmware.elf");
+        if std::fs::read(&elf).is_ok_and(|bytes| is_of_source(&bytes)) {
+            return Self::read(&elf);
         }
-        let stdout = String::from_utf8_lossy(&output.stdout);
-        Self::read(Path::new(stdout.lines().last().unwrap_or_default().trim()))
+        if is_of_source(embedded) {
+            return Self::extract(embedded);
+        }
+        let text = "building the firmware first, because its source is another than that of its images: up to a minute, or longer \
+                    while another cargo builds";
+        let _ = writeln!(io::stderr(), "{text}");
+        Self::read(Path::new(&script(repository, &[])?))
     }
 }
 
-/// Returns when a file, or the newest file in a folder, was changed.
-fn last_change(path: &Path) -> io::Result<SystemTime> {
-    let itself = path.metadata()?;
-    if itself.is_file() {
-        return itself.modified();
+/// Runs the script that builds the image; returns the last line of its output. Its messages go to standard error.
+fn script(repository: &Path, arguments: &[&str]) -> Result<String, ImageError> {
+    let output = Command::new("sh")
+        .arg(repository.join(SCRIPT))
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| ImageError::BuildFailed(error.to_string()))?;
+    if !output.status.success() {
+        return Err(ImageError::BuildFailed(format!("{SCRIPT} ended with {}, see above", output.status)));
     }
-    let entries = path.read_dir()?.map(|entry| last_change(&entry?.path()));
-    entries.reduce(|newest, time| Ok(newest?.max(time?))).unwrap_or_else(|| itself.modified())
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    Ok(stdout.lines().last().unwrap_or_default().trim().to_owned())
+}
+
+/// Returns so many bytes after a marker.
+fn after<'a>(bytes: &'a [u8], marker: &[u8], length: usize) -> Option<&'a [u8]> {
+    let start = bytes.windows(marker.len()).position(|window| window == marker)? + marker.len();
+    bytes.get(start..start + length)
 }
 
 /// Returns the repository that this program is in: the nearest folder above it with the firmware's script and this crate.
@@ -137,10 +144,9 @@ pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
 /// Returns the commit that an image was built from, as formatted by [`commit_text`]; `None` if it is not an image of
 /// the robot.
 pub fn commit_of_image(bytes: &[u8]) -> Option<String> {
-    let start = bytes.windows(MARKER.len()).position(|window| window == MARKER)? + MARKER.len();
-    let digits = std::str::from_utf8(bytes.get(start..start + 8)?).ok()?;
-    let hash = u32::from_str_radix(digits, 16).ok()?;
-    Some(commit_text(hash.to_be_bytes(), bytes.get(start + 8) == Some(&b'+')))
+    let (digits, dirty) = after(bytes, MARKER, 9)?.split_at(8);
+    let hash = u32::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?;
+    Some(commit_text(hash.to_be_bytes(), dirty == b"+"))
 }
 
 #[cfg(test)]
@@ -156,24 +162,33 @@ mod tests {
     }
 
     #[test]
-    fn an_image_is_used_until_a_source_is_newer() {
+    fn an_image_is_used_until_its_source_changes() {
         let repository = tempfile::tempdir().unwrap();
-        let file = |name: &str, text: &str, hour: u64| {
+        let file = |name: &str, text: &str| {
             let path = repository.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(&path, text).unwrap();
-            let time = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(3600 * hour);
-            std::fs::File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
+            std::fs::write(path, text).unwrap();
         };
+        // Its end stands for the build.
+        file(SCRIPT, &include_str!("../../../../firmware/build.sh").replace("# True if", "exit 3\n# True if"));
         let sources = ["firmware/src/main.rs", "protocol/Cargo.toml", "Cargo.toml", "Cargo.lock"];
-        sources.iter().for_each(|name| file(name, "", 1));
-        assert!(Image::built(repository.path()).is_none());
-        file("target/firmware.elf", "biflag-firmware:c0ffee12 1", 2);
-        assert_eq!(Image::built(repository.path()).unwrap().commit, "c0ffee12");
+        sources.iter().for_each(|name| file(name, "old"));
+        let of_source = |embedded: &str| Image::of_source(repository.path(), embedded.as_bytes());
+        let hash = script(repository.path(), &["--sources"]).unwrap();
+        let [left, embedded] =
+            ["c0ffee12", "c0ffee13"].map(|commit| format!("biflag-firmware:{commit} 1 biflag-sources:{hash}"));
+        assert_eq!(of_source(&embedded).unwrap().commit, "c0ffee13");
+        file("target/firmware.elf", &left);
+        assert_eq!(of_source(&embedded).unwrap().commit, "c0ffee12");
         for name in sources {
-            file(name, "", 3);
-            assert!(Image::built(repository.path()).is_none(), "{name}");
-            file(name, "", 1);
+            file(name, "new");
+            let error = of_source(&embedded).unwrap_err();
+            assert!(
+                matches!(&error, ImageError::BuildFailed(text) if text.contains("exit status: 3")),
+                "{name}: {error}"
+            );
+            file(name, "old");
+            assert!(of_source(&embedded).is_ok(), "{name} as before, though it is younger");
         }
     }
 
