@@ -66,6 +66,11 @@ fn a_copy_records_and_simulates_plans_by_their_names() {
     );
     let recorded = run(&bench, &["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(3).json();
     assert_eq!(recorded["trials"][0]["complete"], true, "{recorded}");
+    // Where no trial is left, no board is started.
+    fs::rename(bench.path().join("other"), bench.path().join("away")).unwrap();
+    let resumed = run(&bench, &["record", plan.to_str().unwrap(), "--virtual", "--resume"]).expect_code(3);
+    assert!(resumed.stdout.contains("nothing left to do: 1 trial complete"), "{resumed:?}");
+    fs::rename(bench.path().join("away"), bench.path().join("other")).unwrap();
     let points = run(&bench, &["simulate", "published-points", "--json"]).expect_code(0).json();
     assert_eq!(points["trials"].as_array().unwrap().len(), 4);
     run(&bench, &["simulate", "soft.toml"]).expect_code(2);

@@ -16,7 +16,7 @@ use crate::run;
 use crate::run::model::note_on_unknown_angles;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, park, preflight};
-use crate::session::{self, Session, Sharing};
+use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
 use crate::text;
 use crate::trial::{LogFinding, Want, Zeroed, findings};
@@ -114,6 +114,20 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if args.dry_run {
         return plan::preview(&plan);
     }
+    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
+    if args.resume && args.r#virtual.is_some() && folder.join(MANIFEST).exists() {
+        let session = Session::resume(&folder, &plan)?;
+        // A session that is complete needs no board, and so no firmware.
+        if session.states()?.iter().all(|state| state.complete().is_some()) {
+            let states = session.checked_states()?;
+            session.expect_same_rig(&states, Origin::VirtualRig, None, None)?;
+            let (recorded, todo) = Recorded::of(folder.clone(), states)?;
+            if todo.is_empty() {
+                recorded.say_left_out(&Progress::new(0.0));
+                return Answer::new(recorded.outcome(), &recorded, recorded.end(recorded.outcome(), 0));
+            }
+        }
+    }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
     let nano = match &args.r#virtual {
@@ -146,7 +160,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         park::known(&link)?;
     }
     // This comes last, so that no folder is created if the board does not respond.
-    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
         true => Session::resume(&folder, &plan)?,
         false => Session::create(&folder, &plan)?,
@@ -158,27 +171,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let board = board::to_log(link.info(), &settings::read(&link)?);
     let note = session.expect_same_rig(&states, origin, Some(&board), robot.as_ref().map(|robot| &robot.sensor))?;
 
-    let mut recorded = Recorded { session: folder, trials: Vec::new(), left_out: Vec::new() };
-    let mut todo = Vec::new();
-    let mut outcome = Outcome::Done;
     let trials = states.iter().map(|state| state.trial.clone()).collect();
     let viewers = Viewers::new(live, args.open, &plan, trials, &interrupted)?;
-    for state in states {
-        recorded.left_out.extend(state.left_out.iter().cloned());
-        let Some(attempt) = state.complete() else {
-            todo.push(state.trial);
-            continue;
-        };
-        let summary = attempt.summary.clone().unwrap_or_default();
-        let data = attempt.read(Want::default())?;
-        let zeroed = Zeroed::new(&data);
-        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary, zeroed.angles());
-        let row = row.ran(data.times.run_s()).with(findings(&data, &zeroed));
-        if !row.warnings.is_empty() {
-            outcome = Outcome::WithLoss;
-        }
-        recorded.trials.push(row);
-    }
+    let (mut recorded, todo) = Recorded::of(folder, states)?;
+    let mut outcome = recorded.outcome();
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     if let Some(begin) = begin(&todo, origin) {
         progress.line(&begin);
@@ -189,10 +185,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.line(&format!("note: {note}"));
     }
     Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
-    for LogFinding { finding, .. } in &recorded.left_out {
-        progress.line(&finding_line(None, finding));
-        outcome = Outcome::WithLoss;
-    }
+    recorded.say_left_out(&progress);
     viewers.session(&recorded.trials, todo.first());
     viewers.open().iter().for_each(|line| progress.line(line));
     let (mut stopped, mut failure) = (None, None);
@@ -282,6 +275,35 @@ fn continuation() -> String {
 }
 
 impl Recorded {
+    /// Returns the complete trials of a session with these states, and the trials that are left.
+    fn of(session: PathBuf, states: Vec<TrialState>) -> miette::Result<(Self, Vec<Trial>)> {
+        let (mut recorded, mut todo) = (Self { session, ..Self::default() }, Vec::new());
+        for state in states {
+            recorded.left_out.extend(state.left_out.iter().cloned());
+            let Some(attempt) = state.complete() else {
+                todo.push(state.trial);
+                continue;
+            };
+            let summary = attempt.summary.clone().unwrap_or_default();
+            let data = attempt.read(Want::default())?;
+            let zeroed = Zeroed::new(&data);
+            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary, zeroed.angles());
+            recorded.trials.push(row.ran(data.times.run_s()).with(findings(&data, &zeroed)));
+        }
+        Ok((recorded, todo))
+    }
+
+    /// Prints what was found about logs that are none of the session's.
+    fn say_left_out(&self, progress: &Progress) {
+        self.left_out.iter().for_each(|left_out| progress.line(&finding_line(None, &left_out.finding)));
+    }
+
+    /// Returns how the command ends by what is recorded so far.
+    fn outcome(&self) -> Outcome {
+        let warns = self.trials.iter().any(|trial| !trial.warnings.is_empty()) || !self.left_out.is_empty();
+        if warns { Outcome::WithLoss } else { Outcome::Done }
+    }
+
     /// Returns the end of a command that had `todo` trials to record.
     fn end(&self, outcome: Outcome, todo: usize) -> String {
         let session = text::quoted(&self.session.to_string_lossy());
