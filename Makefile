@@ -2,7 +2,6 @@
 
 CARGO := cargo
 BIN := target/release
-DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
@@ -43,33 +42,9 @@ build: setup
 	{ wait $$image || { cat target/firmware.log >&2; exit 1; }; } && \
 	$(CARGO) build --release --locked -p host -p virtual-nano --bins
 
-# Exit code 3: done with warnings, which do not end the demo.
-demo: build
-	@rm -rf $(DEMO)
-	@echo "\n1. A real sensor was turned by hand through 720 degrees about z. Its counts are replayed through the real firmware:"
-	@$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
-	@echo "\n2. The sensor of the emulated board errs as much as its data sheet allows. An emulated hand lays and turns it:"
-	@$(BIN)/biflag sensor poses --seconds 8 --virtual -o $(DEMO)/sensor.toml
-	@for axis in x y z; do $(BIN)/biflag sensor turn $$axis --repeats 1 --virtual -o $(DEMO)/sensor.toml || exit; done
-	@$(BIN)/biflag sensor still 60 --virtual -o $(DEMO)/sensor.toml
-	@echo "\n3. A robot in glycerin, simulated behind that board. Its viscosity and tether are hidden from what follows:"
-	@cp host/plans/robot-hidden.toml $(DEMO)
-	@sed 's/^robot = .*/&\nsensor = "sensor.toml"/' host/plans/demo.toml > $(DEMO)/demo.toml
-	@$(BIN)/biflag record $(DEMO)/demo.toml --virtual --out $(DEMO)/robot
-	@echo "\n4. The default robot disagrees with these trials:"
-	@$(BIN)/biflag compare $(DEMO)/robot --robot physical || [ $$? = 3 ]
-	@mv $(DEMO)/robot/compare.html $(DEMO)/robot/compare-before.html
-	@echo "\n5. A fit that starts from the default robot looks for what was hidden:"
-	@$(BIN)/biflag calibrate $(DEMO)/robot --robot physical --fit viscosity,tether -o $(DEMO)/fitted.toml || [ $$? = 3 ]
-	@echo "The hidden values were:"
-	@grep = host/plans/robot-hidden.toml
-	@echo "\n6. What is left of the disagreement with the fitted robot:"
-	@$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
-	@echo "\n7. Soft flagella wrap round each other, and unwrap when motor 2 reverses after 35 s:"
-	@$(BIN)/biflag simulate host/plans/bundling.toml --shapes --out $(DEMO)/bundling || [ $$? = 3 ]
-	@$(BIN)/biflag report $(DEMO)/bundling || [ $$? = 3 ]
-	@echo "\nOpen in a browser: $(DEMO)/robot/compare-before.html, $(DEMO)/robot/compare.html, $(DEMO)/bundling/report.html."
-	@echo "Foxglove, Rerun and PlotJuggler open the logs (*.mcap) beside them."
+# It builds first, behind a line of progress.
+demo: setup
+	@sh host/demo.sh
 
 gallery: build
 	@sh host/gallery.sh
@@ -110,7 +85,8 @@ test: build python
 	(cd target/times && awk '/>$$/ { split(FILENAME, of, " "); gsub(/[<>s]/, "", $$NF); print $$NF, of[1], $$2 }' *) | sort -rn | head -n 20; \
 	[ $$programs$$real_time$$documents = 000 ]
 
-proof: build
+# The demo stops where a number of its story is not in the output of its command.
+proof: demo
 	@sh firmware/setup.sh test
 	$(CARGO) test --release --locked -p biflag-log --features generate --lib schema
 	@sh firmware/setup.sh proof
