@@ -100,8 +100,7 @@ impl Image {
         if is_of_source(embedded) {
             return Self::extract(embedded);
         }
-        let text = "building the firmware first, because its source is another than that of its images: up to a minute, or longer \
-                    while another cargo builds";
+        let text = "building the firmware first, because its source has changed; up to a minute, or longer while another cargo builds";
         let _ = writeln!(io::stderr(), "{text}");
         Self::read(Path::new(&script(repository, &[])?))
     }
