@@ -240,7 +240,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
 
     for (args, message) in [
         (&["fit", "thick.toml", "-o", "x.svg"][..], "has no fit"),
-        (&["trial", a, "-o", "figure.jpg"], "no format ends like this"),
+        (&["trial", a, "-o", "figure.jpg"], "a figure ends with .svg, .pdf or .png"),
         (&["trial", a, "--time", "3,1", "-o", "x.svg"], "the earlier one first"),
         (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "between 60 and 400 mm"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),

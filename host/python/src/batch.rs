@@ -1,7 +1,7 @@
 //! Many trials side by side: their steady states as columns.
 
 use crate::failure::Failure;
-use crate::interrupt::interruptible;
+use crate::interrupt::counted;
 use crate::names;
 use crate::robot::Robot;
 use crate::simulate;
@@ -16,17 +16,17 @@ use rayon::prelude::*;
 use sim::steady::Kind;
 use sim::trial::Options;
 use std::sync::atomic::{AtomicBool, Ordering};
-use study::run::model::Motion;
+use study::run::model::{Model, Motion};
 
-/// Simulates trials at constant speeds on `threads` threads, all cores if it is `None`, and returns columns by their
-/// names. With the method "steady" it solves for the states that they end in. A trial that the solver cannot end has NaN in
+/// Simulates trials at constant speeds, of one robot or of a robot a row, on `threads` threads, all cores if it is `None`, and returns columns by their
+/// names, and calls `progress` with the number of trials that are done and of all. With the method "steady" it solves for the states that they end in. A trial that the solver cannot end has NaN in
 /// its row, and the reason.
 #[pyfunction]
-#[pyo3(signature = (robot, speeds, duration, closure, method, rate_hz, phase_deg, threads))]
+#[pyo3(signature = (robots, speeds, duration, closure, method, rate_hz, phase_deg, threads, progress))]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
-    robot: &Bound<'py, Robot>,
+    robots: Vec<Py<Robot>>,
     speeds: &Bound<'py, PyAny>,
     duration: f64,
     closure: &str,
@@ -34,24 +34,34 @@ pub fn simulate_batch<'py>(
     rate_hz: f64,
     phase_deg: [f64; 2],
     threads: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (closure, method) = (names::closure(closure)?, names::method(method)?);
     let pairs = speeds::pairs(speeds)?;
-    let model = simulate::model(&robot.get().params, closure, method, Options { rate_hz, shapes: false });
+    let model =
+        |robot: &Py<Robot>| simulate::model(&robot.get().params, closure, method, Options { rate_hz, shapes: false });
+    let models: Vec<Model> = robots.iter().map(model).collect();
+    if models.len() != pairs.len() && models.len() != 1 {
+        let reason = format!("{} robots for {} rows of speeds; give one, or one a row", models.len(), pairs.len());
+        return Err(Failure::parameter("robot", reason).into());
+    }
     let angles = phase_deg.map(f64::to_radians);
     // What is wrong with the arguments is wrong for all trials.
     let profiles = pairs.iter().map(|rpm| speeds::constant(*rpm, duration, angles)).collect::<Result<Vec<_>, _>>()?;
     let one = |i: usize, stop: &AtomicBool| -> Result<SteadyMeta, Failure> {
         let goes_on = |_| !stop.load(Ordering::Relaxed);
-        simulate::steady(Motion::new(&model, &profiles[i], pairs[i], angles, &goes_on)?, stop)
+        let model = &models[i % models.len()];
+        let motion = simulate::run(Motion::new(model, &profiles[i], pairs[i], angles, &goes_on)?, stop, drop)?;
+        Ok(motion.steady(Vec::new()))
     };
     let pool = threads::pool(threads)?;
-    let results: Vec<Result<SteadyMeta, Failure>> = interruptible(py, |stop| {
-        let all = || {
-            (0..pairs.len())
-                .into_par_iter()
-                .map(|i| if stop.load(Ordering::Relaxed) { Err(Failure::interrupted()) } else { one(i, stop) })
+    let results: Vec<Result<SteadyMeta, Failure>> = counted(py, progress, [0, pairs.len() as u64], |stop, done| {
+        let row = |i| {
+            let result = if stop.load(Ordering::Relaxed) { Err(Failure::interrupted()) } else { one(i, stop) };
+            done.fetch_add(1, Ordering::Relaxed);
+            result
         };
+        let all = || (0..pairs.len()).into_par_iter().map(row);
         Ok(pool.install(|| all().with_max_len(1).collect()))
     })?;
     let table = columns(py, &pairs, &results)?;
@@ -76,10 +86,8 @@ fn columns<'py>(
         let column = results.iter().map(|result| result.as_ref().map_or(f64::NAN, value));
         table.set_item(name, column.collect::<Vec<_>>().into_pyarray(py))?;
     }
-    let of = |flag: &dyn Fn(&SteadyMeta) -> bool| {
-        results.iter().map(|result| result.as_ref().is_ok_and(flag)).collect::<Vec<_>>().into_pyarray(py)
-    };
-    table.set_item("settled", of(&|steady| steady.settled))?;
+    let settled = results.iter().map(|result| result.as_ref().is_ok_and(|steady| steady.settled));
+    table.set_item("settled", settled.collect::<Vec<_>>().into_pyarray(py))?;
     let iterations = results.iter().map(|result| result.as_ref().map_or(0, |steady| steady.newton_iterations));
     table.set_item("newton_iterations", iterations.collect::<Vec<_>>().into_pyarray(py))?;
     let texts =

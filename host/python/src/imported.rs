@@ -4,7 +4,6 @@ use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::robot::Robot;
 use numpy::PyReadonlyArray2;
-use protocol::units::CentiRpm;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use study::import::{Conditions, State, States, write};
@@ -12,16 +11,12 @@ use study::plan::board_speed;
 
 /// What the arrays do not say about their trial.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct Known {
-    #[pyo3(item)]
     speeds: Option<[f64; 2]>,
-    #[pyo3(item)]
     run: Option<[f64; 2]>,
-    #[pyo3(item)]
     uncertainty: Option<[f64; 2]>,
-    #[pyo3(item)]
     temperature: Option<f64>,
-    #[pyo3(item)]
     note: String,
 }
 
@@ -45,10 +40,7 @@ pub fn write_states(
     });
     let states: Vec<State> = states.collect();
     let speed = |rpm: f64| board_speed(rpm).map_err(|(what, _)| Failure::parameter("speeds", what));
-    let speeds: Option<[CentiRpm; 2]> = match known.speeds {
-        Some([one, two]) => Some([speed(one)?, speed(two)?]),
-        None => None,
-    };
+    let speeds = known.speeds.map(|[one, two]| Ok::<_, Failure>([speed(one)?, speed(two)?])).transpose()?;
     let conditions = Conditions {
         speeds,
         run_s: known.run.map(|[from, to]| from..to),

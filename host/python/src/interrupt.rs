@@ -1,9 +1,10 @@
 //! Work with the interpreter's lock released that Ctrl-C ends.
 
 use crate::failure::Failure;
+use crate::threads;
 use pyo3::prelude::*;
 use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -19,35 +20,46 @@ pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&AtomicBool) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
-    watched(py, |_| Ok(()), work)
+    counted(py, None, [0; 2], |stop, _| work(stop))
 }
 
-/// The same, and calls `look` from time to time, whose exception ends the work as a signal does.
+/// The same, and calls `progress` now and then with the number of points that are done, which `work` counts from `before`
+/// on, and of all. Its exception ends the work as a signal does.
 ///
 /// # Errors
-/// The exception of a signal or of `look`, or that of the work.
-pub fn watched<'py, T: Send>(
-    py: Python<'py>,
-    mut look: impl FnMut(Python<'py>) -> PyResult<()>,
-    work: impl FnOnce(&AtomicBool) -> Result<T, Failure> + Send,
+/// The exception of a signal or of `progress`, or that of the work.
+pub fn counted<T: Send>(
+    py: Python<'_>,
+    progress: Option<Bound<'_, PyAny>>,
+    [before, all]: [u64; 2],
+    work: impl FnOnce(&AtomicBool, &AtomicU64) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
-    let (stop, done) = (AtomicBool::new(false), AtomicBool::new(false));
+    let (stop, ended, done, mut shown) = (AtomicBool::new(false), AtomicBool::new(false), AtomicU64::new(before), None);
+    let mut show = || {
+        let now = done.load(Ordering::Relaxed);
+        match &progress {
+            Some(call) if shown.replace(now) != Some(now) => call.call1((now, all)).map(drop),
+            _ => Ok(()),
+        }
+    };
     let waiting = thread::current();
-    thread::scope(|scope| {
+    let result = thread::scope(|scope| {
         let worker = scope.spawn(|| {
-            let result = work(&stop);
-            done.store(true, Ordering::Release);
+            let result = threads::run(|| work(&stop, &done));
+            ended.store(true, Ordering::Release);
             waiting.unpark();
             result
         });
         let mut signal = Ok(());
-        while signal.is_ok() && !done.load(Ordering::Acquire) && !worker.is_finished() {
+        while signal.is_ok() && !ended.load(Ordering::Acquire) && !worker.is_finished() {
             py.detach(|| thread::park_timeout(SIGNALS));
-            signal = py.check_signals().and_then(|()| look(py));
+            signal = py.check_signals().and_then(|()| show());
         }
         stop.store(signal.is_err(), Ordering::Relaxed);
         let result = py.detach(|| worker.join());
         signal?;
         result.unwrap_or_else(|panic| resume_unwind(panic)).map_err(PyErr::from)
-    })
+    })?;
+    show()?;
+    Ok(result)
 }

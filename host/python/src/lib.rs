@@ -6,6 +6,7 @@
 mod aim;
 mod batch;
 mod failure;
+mod figure;
 mod imported;
 mod interrupt;
 mod json;
@@ -32,6 +33,8 @@ mod _biflag {
     #[pymodule_export]
     use crate::batch::simulate_batch;
     #[pymodule_export]
+    use crate::figure::{Figure, draw};
+    #[pymodule_export]
     use crate::imported::write_states;
     #[pymodule_export]
     use crate::log::{html, read_log, read_session, session_repeats, session_table};
@@ -44,15 +47,20 @@ mod _biflag {
     #[pymodule_export]
     use crate::simulator::Simulators;
     #[pymodule_export]
+    use crate::speeds::check_speeds;
+    #[pymodule_export]
     use crate::sweep::{read_sweep, sweep};
     #[pymodule_export]
     use crate::twin::{calibrate, compare};
 
+    use protocol::units::CentiRpm;
     use pyo3::prelude::*;
     use study::program::{GIT_HASH, VERSION};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        std::sync::LazyLock::force(&crate::threads::IMPORTED_IN);
+        module.add("MAX_SPEED_RPM", CentiRpm::LIMIT.rpm())?;
         module.add("__version__", VERSION)?;
         module.add("__commit__", GIT_HASH)?;
         module.add("STEADY_MAP", study::aim::MAP)

@@ -14,10 +14,10 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use serde_json::json;
 use std::ffi::CString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use study::export::table::{self, Summary};
 use study::plan::RobotFile;
-use study::session::{Attempt, Session};
+use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{Repeat, Want, Zeroed, findings, scatter_of_repeats};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
@@ -94,14 +94,17 @@ pub fn html(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     interruptible(py, |_| page::of_log(&path))
 }
 
+fn opened(path: &Path) -> Result<(Session, Vec<TrialState>), Failure> {
+    let of = |error: SessionError| Failure::of_file(path, &error);
+    let session = Session::open(path).map_err(of)?;
+    let states = session.intact_states().map_err(of)?;
+    Ok((session, states))
+}
+
 /// Reads a session folder, and returns its name, its plan and its trials with their logs.
 #[pyfunction]
 pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let (session, states) = interruptible(py, |_| {
-        let session = Session::open(&path).map_err(|error| Failure::of_file(&path, &error))?;
-        let states = session.intact_states().map_err(|error| Failure::of_file(&path, &error))?;
-        Ok((session, states))
-    })?;
+    let (session, states) = interruptible(py, |_| opened(&path))?;
     let plan = session.plan();
     let dict = PyDict::new(py);
     dict.set_item("name", &plan.name)?;
@@ -121,10 +124,8 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
 #[pyfunction]
 pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDict>, About)> {
     let (rows, unreadable) = interruptible(py, |stop| {
-        let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
-        let session = Session::open(&path).map_err(|error| of(&error))?;
-        let states = session.intact_states().map_err(|error| of(&error))?;
-        let read = |state: &study::session::TrialState| {
+        let (session, states) = opened(&path)?;
+        let read = |state: &TrialState| {
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
             let data = attempt.read(Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
             Some(data.map(|data| Summary::new(&state.trial, &data, &Zeroed::new(&data), String::new())))
@@ -147,10 +148,8 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
 #[pyfunction]
 pub fn session_repeats(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let repeats = interruptible(py, |_| {
-        let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
-        let session = Session::open(&path).map_err(|error| of(&error))?;
-        let states = session.intact_states().map_err(|error| of(&error))?;
-        let read = |state: &study::session::TrialState| {
+        let (_, states) = opened(&path)?;
+        let read = |state: &TrialState| {
             let data = state.complete()?.read(Want::default()).ok()?;
             Repeat::new(&data, &Zeroed::new(&data))
         };

@@ -2,19 +2,16 @@
 
 use crate::failure::Failure;
 use biflag_log::Method;
+use serde::Serialize;
 use sim::body::closure::Closure;
+use study::text::word;
 
 /// Returns the closure of this name.
 ///
 /// # Errors
 /// Another name.
 pub fn closure(name: &str) -> Result<Closure, Failure> {
-    match name {
-        "full" => Ok(Closure::Full),
-        "lumped" => Ok(Closure::Lumped),
-        "paper" => Ok(Closure::Paper),
-        _ => Err(unknown("closure", name, "\"full\", \"lumped\" or \"paper\"")),
-    }
+    one_of("closure", name, &[Closure::Full, Closure::Lumped, Closure::Paper])
 }
 
 /// Returns the method of this name.
@@ -22,13 +19,10 @@ pub fn closure(name: &str) -> Result<Closure, Failure> {
 /// # Errors
 /// Another name.
 pub fn method(name: &str) -> Result<Method, Failure> {
-    match name {
-        "trial" => Ok(Method::Trial),
-        "steady" => Ok(Method::Steady),
-        _ => Err(unknown("method", name, "\"trial\" or \"steady\"")),
-    }
+    one_of("method", name, &[Method::Trial, Method::Steady])
 }
 
-fn unknown(key: &str, name: &str, names: &str) -> Failure {
-    Failure::parameter(key, format!("\"{name}\" is none; give {names}"))
+fn one_of<T: Serialize + Copy>(key: &str, name: &str, all: &[T]) -> Result<T, Failure> {
+    let unknown = || format!("{name:?} is none; give one of {}", all.iter().map(word).collect::<Vec<_>>().join(", "));
+    all.iter().find(|one| word(*one) == name).copied().ok_or_else(|| Failure::parameter(key, unknown()))
 }

@@ -157,7 +157,8 @@ impl Robot {
     }
 }
 
-fn to_toml(params: &params::Robot) -> String {
+/// Returns parameters as the text of a robot file.
+pub fn to_toml(params: &params::Robot) -> String {
     toml::to_string(params).unwrap_or_default()
 }
 

@@ -64,7 +64,12 @@ pub fn simulate(
     let rpm = constant.unwrap_or_else(|| profile.target().map(rpm));
     let (samples, steady, duration_s) = interruptible(py, |stop| {
         let goes_on = |_| !stop.load(Ordering::Relaxed);
-        run(Motion::new(&model, &profile, rpm, angles, &goes_on)?, stop)
+        let (mut samples, mut history) = (Vec::new(), BundlingHistory::default());
+        let motion = run(Motion::new(&model, &profile, rpm, angles, &goes_on)?, stop, |sample| {
+            history.push(sample.time_s, sample.bundling);
+            samples.push(sample);
+        })?;
+        Ok((samples, motion.steady(history.changes), motion.duration_s()))
     })?;
     let run_s = duration_s.unwrap_or(profile.end());
     Ok(Simulated { robot, model, rpm, phase_deg, run_s, samples, steady })
@@ -75,33 +80,18 @@ pub fn model(robot: &sim::params::Robot, closure: Closure, method: Method, optio
     Model::new(robot.clone(), Settings::DEFAULT, closure, method, options)
 }
 
-/// Runs a motion to its end, or until `stop` is set. Returns its samples, the steady state, and the duration of a steady
-/// state's samples (s).
-fn run(mut motion: Motion, stop: &AtomicBool) -> Result<(Vec<Sample>, SteadyMeta, Option<f64>), Failure> {
-    let (mut samples, mut history) = (Vec::new(), BundlingHistory::default());
-    for sample in motion.by_ref() {
-        let sample = sample?;
-        history.push(sample.time_s, sample.bundling);
-        samples.push(sample);
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-    }
-    Ok((samples, motion.steady(history.changes), motion.duration_s()))
-}
-
-/// Returns the steady state of a motion, without its samples.
+/// Runs a motion to its end, or until `stop` is set, and returns it; `keep` gets its samples.
 ///
 /// # Errors
 /// A step that the solver cannot take.
-pub fn steady(mut motion: Motion, stop: &AtomicBool) -> Result<SteadyMeta, Failure> {
+pub fn run(mut motion: Motion, stop: &AtomicBool, mut keep: impl FnMut(Sample)) -> Result<Motion, Failure> {
     for sample in motion.by_ref() {
-        sample?;
+        keep(sample?);
         if stop.load(Ordering::Relaxed) {
             break;
         }
     }
-    Ok(motion.steady(Vec::new()))
+    Ok(motion)
 }
 
 #[pymethods]
@@ -151,7 +141,10 @@ impl Simulated {
 
     /// Returns the page of the trial.
     fn html(&self, py: Python<'_>) -> PyResult<String> {
-        interruptible(py, |_| page::of_unsaved(&self.name(), |log| self.write(log)))
+        interruptible(py, |_| {
+            let folder = tempfile::tempdir().map_err(|error| Failure::parameter("page", error.to_string()))?;
+            page::of_log(&self.write_into(folder.path())?)
+        })
     }
 }
 
@@ -159,6 +152,13 @@ impl Simulated {
     fn name(&self) -> String {
         let [w1, w2] = self.rpm.map(|rpm| (rpm * 100.0).round() / 100.0);
         format!("w1{w1:+}_w2{w2:+}")
+    }
+
+    /// Writes the log into a folder, and returns its path.
+    pub fn write_into(&self, folder: &Path) -> Result<PathBuf, Failure> {
+        let path = folder.join(format!("{}.mcap", self.name()));
+        self.write(&path)?;
+        Ok(path)
     }
 
     /// Writes the log to `path`, which must not exist.

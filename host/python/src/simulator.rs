@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::names;
-use crate::robot::Robot;
+use crate::robot::{Robot, to_toml};
 use crate::speeds;
 use crate::threads;
 use numpy::IntoPyArray;
@@ -18,6 +18,7 @@ use sim::trial::profile::{Phases, SpeedProfile};
 use sim::trial::sample::shapes_at;
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::{PI, TAU};
+use std::process::id;
 use study::run::model::{DELAY_S, Motors};
 
 /// Longest step, s: no signal is handled within a step.
@@ -51,10 +52,10 @@ struct Simulator {
 /// Everything that the next steps depend on.
 #[derive(Serialize, Deserialize)]
 struct Saved {
+    made_with: String,
     checkpoint: Checkpoint,
     profile: SpeedProfile,
     start_rad: [f64; 2],
-    #[serde(default)]
     rig: Option<Rig>,
 }
 
@@ -106,6 +107,7 @@ impl Simulator {
 
     fn save(&self) -> Saved {
         Saved {
+            made_with: self.made_with(),
             checkpoint: self.trial.checkpoint(),
             profile: self.profile.clone(),
             start_rad: self.start_rad,
@@ -113,8 +115,18 @@ impl Simulator {
         }
     }
 
+    /// Returns what a simulator must have in common with another one to go on with its states.
+    fn made_with(&self) -> String {
+        let model = self.solver.model();
+        format!("{:?}, {}, {}", model.closure, self.rig.is_some(), to_toml(&model.robot))
+    }
+
     fn restore(&mut self, saved: Saved) -> Result<(), Failure> {
-        let Saved { checkpoint, profile, start_rad, rig } = saved;
+        let Saved { made_with, checkpoint, profile, start_rad, rig } = saved;
+        if made_with != self.made_with() {
+            let reason = "is the state of a simulator with another robot, closure or like_rig; make one with the same";
+            return Err(Failure::parameter("saved", reason));
+        }
         let mut trial = Trial::with_solver(self.trial.solver().clone(), profile.clone(), Options::default())?;
         trial.restore(checkpoint);
         (self.trial, self.profile, self.start_rad, self.rig) = (trial, profile, start_rad, rig);
@@ -134,7 +146,8 @@ impl Simulator {
 pub struct Simulators {
     robot: Py<Robot>,
     simulators: Vec<Simulator>,
-    pool: Option<rayon::ThreadPool>,
+    /// The process in which the threads were made, and they.
+    pool: Option<(u32, rayon::ThreadPool)>,
 }
 
 #[pymethods]
@@ -147,7 +160,7 @@ impl Simulators {
         let closure: Closure = names::closure(closure)?;
         let solver = Solver::new(&robot.get().params, closure)?;
         let simulators = (0..count).map(|_| Simulator::new(solver.clone(), [0.0; 2], rig)).collect::<Result<_, _>>()?;
-        let pool = if count > 1 && threads != Some(1) { Some(threads::pool(threads)?) } else { None };
+        let pool = if count > 1 && threads != Some(1) { Some((id(), threads::pool(threads)?)) } else { None };
         Ok(Self { robot, simulators, pool })
     }
 
@@ -175,7 +188,7 @@ impl Simulators {
         dt: f64,
     ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
         let pairs = speeds::pairs(speeds)?;
-        let (simulators, pool) = (&mut self.simulators, &self.pool);
+        let (simulators, pool) = (&mut self.simulators, &mut self.pool);
         if pairs.len() != simulators.len() {
             let reason = format!("{} rows for {} robots", pairs.len(), simulators.len());
             return Err(Failure::parameter("speeds", reason).into());
@@ -184,14 +197,21 @@ impl Simulators {
             let reason = format!("{dt} s must be above 0 and at most {LONGEST_STEP_S} s");
             return Err(Failure::parameter("dt", reason).into());
         }
-        for rpm in &pairs {
-            speeds::constant(*rpm, dt, [0.0; 2])?;
-        }
         let one = |(simulator, rpm): (&mut Simulator, &[f64; 2])| {
             simulator.step(*rpm, dt).map_or_else(|failure| failure.to_string(), |()| String::new())
         };
+        if let Some((process, pool)) = pool
+            && *process != id()
+        {
+            // Threads that a fork has left out cannot be told to end.
+            let new = threads::pool(Some(pool.current_num_threads()))?;
+            std::mem::forget(std::mem::replace(pool, new));
+            *process = id();
+        }
         let failures = py.detach(|| match pool {
-            Some(pool) => pool.install(|| simulators.par_iter_mut().zip(&pairs).with_max_len(1).map(one).collect()),
+            Some((_, pool)) => {
+                pool.install(|| simulators.par_iter_mut().zip(&pairs).with_max_len(1).map(one).collect())
+            }
             None => simulators.iter_mut().zip(&pairs).map(one).collect(),
         });
         py.check_signals()?;

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use sim::trial::profile::{Phases, SpeedProfile};
+use study::plan::board_speed;
 
 /// Interval at which a function of time is evaluated, s.
 const INTERVAL_S: f64 = 0.01;
@@ -62,6 +63,7 @@ pub fn profile(
 /// # Errors
 /// An impossible speed or duration.
 pub fn constant(rpm: [f64; 2], duration_s: f64, angles_rad: [f64; 2]) -> Result<SpeedProfile, Failure> {
+    check([rpm])?;
     let phases = Phases { run: checked(duration_s)?, ..Phases::default() };
     Ok(SpeedProfile::phases(&phases, rpm)?.from_angles(angles_rad))
 }
@@ -69,17 +71,34 @@ pub fn constant(rpm: [f64; 2], duration_s: f64, angles_rad: [f64; 2]) -> Result<
 /// Returns pairs of speeds from anything that numpy takes for an array of shape (n, 2).
 ///
 /// # Errors
-/// Another shape.
+/// Another shape, or speeds at which no robot turns.
 pub fn pairs(speeds: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     let array = array(speeds)?;
     let values = array.as_array();
     match array.shape() {
-        [count, 2] => Ok((0..*count).map(|i| [values[[i, 0]], values[[i, 1]]]).collect()),
+        [count, 2] => {
+            let pairs: Vec<_> = (0..*count).map(|i| [values[[i, 0]], values[[i, 1]]]).collect();
+            check(pairs.iter().copied())?;
+            Ok(pairs)
+        }
         shape => {
             let reason = format!("give an array of shape (n, 2) in rpm, not {shape:?}");
             Err(Failure::parameter("speeds", reason).into())
         }
     }
+}
+
+/// Refuses the speeds of a step, of shape (n, 2), at which no robot turns.
+#[pyfunction]
+pub fn check_speeds(speeds: &Bound<'_, PyAny>) -> PyResult<()> {
+    pairs(speeds).map(drop)
+}
+
+/// Refuses what a plan refuses. A speed between those that the board knows is none of its own, but may be one of the model.
+fn check(rpm: impl IntoIterator<Item = [f64; 2]>) -> Result<(), Failure> {
+    let one = |rpm: f64| board_speed((rpm * 100.0).round() / 100.0).map(drop);
+    let mut all = rpm.into_iter().flatten();
+    all.try_for_each(one).map_err(|(what, cure)| Failure::parameter("speeds", format!("{what}; {cure}")))
 }
 
 fn array<'py>(speeds: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
@@ -108,6 +127,7 @@ fn evaluated(function: &Bound<'_, PyAny>, duration_s: f64) -> PyResult<Vec<(f64,
 }
 
 fn of_points(points: &[(f64, [f64; 2])], angles_rad: [f64; 2]) -> Result<SpeedProfile, Failure> {
+    check(points.iter().map(|(_, rpm)| *rpm))?;
     let profile = SpeedProfile::from_points(points)?;
     checked(profile.end() - profile.start())?;
     Ok(profile.from_angles(angles_rad))

@@ -1,7 +1,7 @@
 //! Sweeps: tables of steady states over speeds, parameters and groups.
 
 use crate::failure::Failure;
-use crate::interrupt::{interruptible, watched};
+use crate::interrupt::{counted, interruptible};
 use crate::table::{self, About};
 use crate::threads;
 use pyo3::prelude::*;
@@ -34,22 +34,8 @@ pub fn sweep<'py>(
         let before = folder.counts(Shard::ALL)?.done;
         Ok((folder, before))
     })?;
-    let points = folder.sweep.plan.points();
-    let (done, mut shown) = (AtomicU64::new(before.count()), None);
-    let show = |_: Python<'py>| {
-        let now = Some(done.load(Ordering::Relaxed));
-        match &progress {
-            Some(call) if shown != now => {
-                shown = now;
-                call.call1((now, points)).map(drop)
-            }
-            _ => Ok(()),
-        }
-    };
-    let answer = watched(py, show, |stop| compute(&folder, &before, jobs, stop, &done))?;
-    if let Some(call) = &progress {
-        call.call1((done.into_inner(), points))?;
-    }
+    let points = [before.count(), folder.sweep.plan.points()];
+    let answer = counted(py, progress, points, |stop, done| compute(&folder, &before, jobs, stop, done))?;
     to_python(py, answer)
 }
 

@@ -55,6 +55,25 @@ def test_steady_states_are_those_of_the_command_line(tmp_path: Path) -> None:
     assert "kind" not in biflag.simulate_batch(ROBOT, [(0, 0)], 1)
 
 
+def test_each_row_may_have_a_robot_of_its_own() -> None:
+    thinner = ROBOT.replace({"fluid.viscosity_pa_s": 0.8})
+    counted: list[tuple[int, int]] = []
+    table = biflag.simulate_batch([ROBOT, thinner], PAIRS[:2], 5, progress=lambda *counts: counted.append(counts))
+    for i, robot in enumerate([ROBOT, thinner]):
+        assert table["yaw_deg"][i] == biflag.simulate(robot, PAIRS[i], 5).steady.yaw_deg
+    assert counted[-1] == (2, 2) and len(set(counted)) == len(counted)
+    with pytest.raises(biflag.ParameterError, match="2 robots for 3 rows") as caught:
+        biflag.simulate_batch([ROBOT, thinner], PAIRS[:3], 5)
+    assert caught.value.key == "robot"
+    with pytest.raises(ZeroDivisionError):
+        biflag.simulate_batch(ROBOT, PAIRS, 5, progress=lambda done, trials: 1 / 0)
+
+
+def test_progress_may_be_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    biflag.simulate_batch(ROBOT, PAIRS[:2], 0.1, progress=True)
+    assert capsys.readouterr().err.endswith("\r2 of 2\n")
+
+
 def test_threads_change_nothing() -> None:
     one, two = (biflag.simulate_batch(ROBOT, PAIRS[:3], 5, threads=threads) for threads in (1, 2))
     for name in one:
@@ -72,7 +91,7 @@ def test_a_failed_trial_is_a_row_with_its_reason() -> None:
 
 
 def test_wrong_shapes_are_refused() -> None:
-    for speeds in ((50, 10), [(1, 2, 3)], []):
+    for speeds in ((50, 10), [(1, 2, 3)], [], [(1, 500)]):
         with pytest.raises(biflag.ParameterError, match="speeds"):
             biflag.simulate_batch(ROBOT, speeds, 5)
     with pytest.raises(biflag.ParameterError, match="method"):

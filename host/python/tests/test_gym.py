@@ -73,6 +73,14 @@ def test_a_solver_that_fails_ends_the_episode() -> None:
     assert ended and reward == -180 and "no step" in info["failure"]
 
 
+@pytest.mark.parametrize("name", [NAME, "biflag/AttitudeFast-v0"])
+def test_speeds_beyond_the_limit_are_refused(name: str) -> None:
+    environment = gymnasium.make(name, disable_env_checker=True)
+    environment.reset(seed=1)
+    with pytest.raises(biflag.ParameterError, match="180 rpm is beyond ±90 rpm"):
+        environment.step(np.array([2.0, 0.0]))
+
+
 def test_integral_control_holds_an_attitude() -> None:
     """A sensitivity that is measured in the model once, and integration of the error."""
     robot, wanted, step = biflag.Robot.physical(), np.array([40.0, 3.0]), 8.0

@@ -12,7 +12,7 @@ from pathlib import Path
 import biflag
 import numpy as np
 import pytest
-from conftest import biflag_json
+from conftest import PROGRAM, biflag_json
 
 ROBOT = biflag.Robot.published()
 
@@ -89,7 +89,8 @@ def test_speeds_may_be_an_array_or_a_function() -> None:
         ("duration", {"speeds": np.zeros((5, 3)), "duration": 1}),
         ("speeds", {"speeds": (50, 10, 3), "duration": 1}),
         ("speeds", {"speeds": (50, np.nan), "duration": 1}),
-        ("speeds", {"speeds": (50, 1e6), "duration": 1}),
+        ("speeds", {"speeds": (50, 90.1), "duration": 1}),
+        ("speeds", {"speeds": lambda t: (50 + 100 * t, 0), "duration": 1}),
         ("speeds", {"speeds": "fast", "duration": 1}),
         ("speeds", {"speeds": lambda t: t, "duration": 1}),
         ("rate_hz", {"speeds": (50, 10), "duration": 1, "rate_hz": 0}),
@@ -103,6 +104,16 @@ def test_impossible_arguments_are_named(key: str, arguments: dict[str, object]) 
     with pytest.raises(biflag.ParameterError) as caught:
         biflag.simulate(ROBOT, **arguments)  # type: ignore[arg-type]
     assert caught.value.key == key and caught.value.reason
+
+
+def test_speeds_are_refused_with_the_words_of_the_program() -> None:
+    run = subprocess.run([PROGRAM, "simulate", "--speeds=500,10", "--duration=1"], capture_output=True, text=True, check=False)
+    with pytest.raises(biflag.ParameterError) as caught:
+        biflag.simulate(ROBOT, (500, 10), 1)
+    assert "500 rpm is beyond ±90 rpm; give -90 to 90 rpm" in caught.value.reason and caught.value.reason in run.stderr
+    assert biflag.MAX_SPEED_RPM == 90
+    # Between two speeds of the board, and at the limit.
+    biflag.simulate(ROBOT, (50.12345, -90.0), 0.1)
 
 
 def test_exceptions_of_a_function_pass_through() -> None:
@@ -127,6 +138,10 @@ def test_a_saved_trial_reads_back_the_same(trial: biflag.Trial, tmp_path: Path) 
     assert recording.table["force1_z_n"].tolist() == trial.forces[:, 0, 2].tolist()
     with pytest.raises(biflag.Error, match="trial.mcap"):
         trial.save(path)
+    for name in ("trial.csv", "trial"):
+        with pytest.raises(biflag.ParameterError, match=f"{name}: a log ends with .mcap\n.*export") as caught:
+            trial.save(tmp_path / name)
+        assert caught.value.key == "path" and list(tmp_path.iterdir()) == [path]
 
 
 def test_a_trial_shows_itself_in_a_notebook(trial: biflag.Trial) -> None:

@@ -41,6 +41,23 @@ print([number.hex() for number in map(float, followed(simulator))])
     assert other.stdout.strip() == str([float(number).hex() for number in first])
 
 
+def test_the_state_of_another_simulator_is_refused() -> None:
+    simulator = biflag.Simulator(ROBOT, like_rig=True)
+    saved = simulator.save()
+    softer = ROBOT.replace({"flagellum.young_pa": 9e5})
+    others = (
+        biflag.Simulator(softer, like_rig=True),
+        biflag.Simulator(ROBOT, like_rig=True, closure="lumped"),
+        biflag.Simulator(ROBOT),
+    )
+    for other in others:
+        before = other.save()
+        with pytest.raises(biflag.ParameterError, match="another robot, closure or like_rig") as caught:
+            other.restore(saved)
+        assert caught.value.key == "saved" and other.save() == before
+    assert biflag.Simulator(ROBOT, like_rig=True).restore(saved).time == 0
+
+
 def test_a_seed_decides_where_the_flagella_start() -> None:
     simulator = biflag.Simulator(ROBOT)
     one, other, again = (simulator.reset(seed).shapes for seed in (1, 2, 1))

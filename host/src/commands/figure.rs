@@ -4,9 +4,10 @@ use super::findings::{are_slight, lines_of_logs};
 use super::options::span;
 use super::{Answer, Outcome};
 use crate::colour;
-use crate::figure::{self, COLUMN_MM};
+use crate::figure::{self, COLUMN_MM, Format, MOMENTS, WIDTHS_MM};
 use crate::text::printable;
 use clap::Subcommand;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -63,7 +64,7 @@ enum Subject {
         #[command(flatten)]
         trial: OneTrial,
         /// How many moments, from the first to the last of the time.
-        #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(2..=12))]
+        #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(MOMENTS))]
         moments: u16,
         #[command(flatten)]
         paper: Paper,
@@ -153,7 +154,7 @@ impl OneTrial {
 #[derive(clap::Args, Debug)]
 struct Paper {
     /// The file to write; its extension selects the format: .svg, .pdf or .png.
-    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE", value_parser = PathBufValueParser::new().try_map(|file| Format::of(&file).map(|_| file)))]
     output: PathBuf,
     /// Printed width.
     #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = width)]
@@ -168,38 +169,35 @@ fn fixed(text: &str) -> Result<(String, f64), String> {
 
 fn width(text: &str) -> Result<f64, String> {
     let width: f64 = text.parse().map_err(|_| "give millimetres as a number, such as 88".to_owned())?;
-    if (60.0..=400.0).contains(&width) { Ok(width) } else { Err("must be between 60 and 400 mm".to_owned()) }
+    if WIDTHS_MM.contains(&width) { Ok(width) } else { Err("must be between 60 and 400 mm".to_owned()) }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let (paper, remarks) = match &args.subject {
+    let (paper, figure) = match &args.subject {
         Subject::Trial { trial, against, anyway, paper } => {
             let (subject, against) = (trial.subject(), against.as_deref());
-            (paper, figure::trial(subject, against, *anyway, trial.time, paper.width_mm, &paper.output)?)
+            (paper, figure::trial(subject, against, *anyway, trial.time, paper.width_mm)?)
         }
-        Subject::Forces { trial, paper } => {
-            (paper, figure::forces(trial.subject(), trial.time, paper.width_mm, &paper.output)?)
-        }
-        Subject::Contact { trial, paper } => {
-            (paper, figure::contact(trial.subject(), trial.time, paper.width_mm, &paper.output)?)
-        }
+        Subject::Forces { trial, paper } => (paper, figure::forces(trial.subject(), trial.time, paper.width_mm)?),
+        Subject::Contact { trial, paper } => (paper, figure::contact(trial.subject(), trial.time, paper.width_mm)?),
         Subject::Strip { trial, moments, paper } => {
             let moments = usize::from(*moments);
-            (paper, figure::strip(trial.subject(), trial.time, moments, paper.width_mm, &paper.output)?)
+            (paper, figure::strip(trial.subject(), trial.time, moments, paper.width_mm)?)
         }
         Subject::Lines { sweep, value, over, by, at, paper } => {
             let lines = figure::Lines { value, over, by: by.as_deref(), at };
-            (paper, figure::lines(sweep, lines, paper.width_mm, &paper.output)?)
+            (paper, figure::lines(sweep, lines, paper.width_mm)?)
         }
         Subject::Map { session, against, at, paper } => {
-            (paper, figure::map(session, against.as_deref(), at, paper.width_mm, &paper.output)?)
+            (paper, figure::map(session, against.as_deref(), at, paper.width_mm)?)
         }
-        Subject::Fit { robots, paper } => (paper, figure::fit(robots, paper.width_mm, &paper.output)?),
+        Subject::Fit { robots, paper } => (paper, figure::fit(robots, paper.width_mm)?),
         Subject::Scatter { session, against, anyway, paper } => {
-            (paper, figure::scatter(session, against, *anyway, paper.width_mm, &paper.output)?)
+            (paper, figure::scatter(session, against, *anyway, paper.width_mm)?)
         }
     };
-    let file = paper.output.to_string_lossy();
+    figure.write(&paper.output)?;
+    let (file, remarks) = (paper.output.to_string_lossy(), figure.remarks);
     let is_sound = are_slight(&remarks.findings) && remarks.warnings.is_empty();
     let mut said = lines_of_logs(&remarks.findings);
     remarks.warnings.iter().for_each(|warning| said += &format!("\nwarning: {warning}"));

@@ -176,8 +176,9 @@ impl Content {
         for (state, log) in states.iter().filter_map(|state| Some((state, state.complete()?))) {
             let name = format!("{}.svg", state.trial.name);
             let subject = Subject { path: &log.path, number: None };
-            match figure::trial(subject, None, false, None, COLUMN_MM, &folder.join(&name)) {
-                Ok(_) => {
+            let drawn = figure::trial(subject, None, false, None, COLUMN_MM);
+            match drawn.and_then(|figure| figure.write(&folder.join(&name))) {
+                Ok(()) => {
                     self.add(format!("figures/{name}"), folder.join(&name), "Yaw, pitch and roll of a trial over time")
                 }
                 Err(FigureError::Nothing { .. }) => {}
@@ -185,8 +186,8 @@ impl Content {
             }
         }
         let map = folder.join("map.svg");
-        match figure::map(session, None, &[], COLUMN_MM, &map) {
-            Ok(_) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
+        match figure::map(session, None, &[], COLUMN_MM).and_then(|figure| figure.write(&map)) {
+            Ok(()) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
             // Most sessions have too few speeds.
             Err(FigureError::NoMap { .. }) => {}
             Err(error) => return Err(error.into()),

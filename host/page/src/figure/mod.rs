@@ -30,8 +30,10 @@ use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
+use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use study::output::OutputError;
+use study::output::{OutputError, replace};
 use study::plan::{PlanError, robot};
 use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{AtSpeeds, Data, FindingKind, LogFinding, Want, Zeroed, findings, mean_of_repeats};
@@ -47,12 +49,18 @@ const UNKNOWN: &str = "Cross: not settled, mean not known";
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
 
+/// Possible widths, mm.
+pub const WIDTHS_MM: RangeInclusive<f64> = 60.0..=400.0;
+
+/// Possible numbers of moments in a strip.
+pub const MOMENTS: RangeInclusive<i64> = 2..=12;
+
 /// Why a figure was not drawn.
 #[derive(Error, Diagnostic, Debug)]
 pub enum FigureError {
     /// The file's name has no known ending.
-    #[error("{}: no format ends like this", path.display())]
-    #[diagnostic(code(wrong_use), help("end the file's name with .svg, .pdf or .png"))]
+    #[error("{}: a figure ends with .svg, .pdf or .png", path.display())]
+    #[diagnostic(code(wrong_use))]
     Format {
         /// The file.
         path: PathBuf,
@@ -195,6 +203,34 @@ fn on_mismatch(anyway: bool) -> OnMismatch {
     if anyway { OnMismatch::Warn } else { OnMismatch::Reject }
 }
 
+/// A figure that was drawn.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    svg: String,
+    provenance: Provenance,
+    /// What is to be said about it.
+    pub remarks: Remarks,
+}
+
+impl Figure {
+    /// Returns the content of its file, with where it comes from.
+    ///
+    /// # Errors
+    /// [`FigureError`].
+    pub fn content(&self, format: Format) -> Result<Vec<u8>, FigureError> {
+        self.provenance.add(output::encode(&self.svg, format)?, format)
+    }
+
+    /// Writes its file.
+    ///
+    /// # Errors
+    /// [`FigureError`].
+    pub fn write(&self, path: &Path) -> Result<(), FigureError> {
+        let content = self.content(Format::of(path)?)?;
+        Ok(replace(path, |file| file.write_all(&content))?)
+    }
+}
+
 /// What is to be said about a figure.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Remarks {
@@ -204,7 +240,7 @@ pub struct Remarks {
     pub warnings: Vec<String>,
 }
 
-/// Writes the angles of a trial over time, beside those of `against` with their residuals. `time_s`: the time to show,
+/// Draws the angles of a trial over time, beside those of `against` with their residuals. `time_s`: the time to show,
 /// from the start of the run; by default all of it.
 ///
 /// # Errors
@@ -215,9 +251,7 @@ pub fn trial(
     anyway: bool,
     time_s: Option<[f64; 2]>,
     width_mm: f64,
-    out: &Path,
-) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+) -> Result<Figure, FigureError> {
     let data = subject.log()?.read(Want { hash: true, ..Want::default() })?;
     let mut logs = vec![Provenance::log(&data)];
     let compared = match against {
@@ -238,56 +272,46 @@ pub fn trial(
         None => Remarks { findings: of_data(&data), warnings: Vec::new() },
     };
     let provenance = Provenance::new(format!("Yaw, pitch and roll of trial {}", data.trial().name), logs);
-    output::write(&trial::draw(&data, compared.as_ref(), time_s, width_mm)?, &provenance, out)?;
-    Ok(remarks)
+    Ok(Figure { svg: trial::draw(&data, compared.as_ref(), time_s, width_mm)?, provenance, remarks })
 }
 
 fn of_data(data: &Data) -> Vec<LogFinding> {
     LogFinding::all_of(&data.path, findings(data, &Zeroed::new(data)))
 }
 
-/// Writes the forces of both flagella on the base over a trial of the model; `time_s` as in [`trial`].
+/// Draws the forces of both flagella on the base over a trial of the model; `time_s` as in [`trial`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
     let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
     let title = format!("Forces of both flagella in trial {}", data.trial().name);
     let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    output::write(&forces::draw(&data, time_s, width_mm)?, &provenance, out)?;
-    Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
+    let remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
+    Ok(Figure { svg: forces::draw(&data, time_s, width_mm)?, provenance, remarks })
 }
 
-/// Writes gap and winding of the flagella of a modelled trial, and when they touch; `time_s` as in [`trial`].
+/// Draws gap and winding of the flagella of a modelled trial, and when they touch; `time_s` as in [`trial`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
     let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
     let title = format!("Gap and winding of the flagella in trial {}", data.trial().name);
     let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    output::write(&contact::draw(&data, time_s, width_mm)?, &provenance, out)?;
-    Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
+    let remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
+    Ok(Figure { svg: contact::draw(&data, time_s, width_mm)?, provenance, remarks })
 }
 
-/// Writes the robot at `moments` times of a trial, side by side; `time_s` as in [`trial`], by default the run.
+/// Draws the robot at `moments` times of a trial, side by side; `time_s` as in [`trial`], by default the run.
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn strip(
-    subject: Subject,
-    time_s: Option<[f64; 2]>,
-    moments: usize,
-    width_mm: f64,
-    out: &Path,
-) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_mm: f64) -> Result<Figure, FigureError> {
     let data = subject.log()?.read(Want { shapes: usize::MAX, hash: true, ..Want::default() })?;
     let title = format!("The robot at {moments} moments of trial {}", data.trial().name);
     let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    output::write(&strip::draw(&data, time_s, moments, width_mm)?, &provenance, out)?;
+    let svg = strip::draw(&data, time_s, moments, width_mm)?;
     let mut remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
     if data.shapes.is_empty() {
         remarks.warnings.push(
@@ -295,23 +319,16 @@ pub fn strip(
                 .to_owned(),
         );
     }
-    Ok(remarks)
+    Ok(Figure { svg, provenance, remarks })
 }
 
-/// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
+/// Draws maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
 /// map of `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out. `at` as in
 /// [`Lines`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn map(
-    session: &Path,
-    surface: Option<&Path>,
-    at: &[(String, f64)],
-    width_mm: f64,
-    out: &Path,
-) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn map(session: &Path, surface: Option<&Path>, at: &[(String, f64)], width_mm: f64) -> Result<Figure, FigureError> {
     let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
         Some(_) => sweep::steady(path, at, (&mut remarks, &mut logs, &mut under)),
@@ -352,16 +369,14 @@ pub fn map(
         under.push(UNKNOWN.to_owned());
     }
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
-    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), &provenance, out)?;
-    Ok(remarks)
+    Ok(Figure { svg: map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), provenance, remarks })
 }
 
-/// Writes the 95 % intervals of the parameters of fitted robots.
+/// Draws the 95 % intervals of the parameters of fitted robots.
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn fit(robots: &[PathBuf], width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, FigureError> {
     if robots.len() > fit::MOST_FITS {
         return Err(FigureError::ManyFits { count: robots.len() });
     }
@@ -380,22 +395,14 @@ pub fn fit(robots: &[PathBuf], width_mm: f64, out: &Path) -> Result<Remarks, Fig
         remarks.warnings.push("the fits are of different closures".to_owned());
     }
     let provenance = Provenance::new("95 % intervals of fitted parameters", files);
-    output::write(&fit::draw(&fits, width_mm), &provenance, out)?;
-    Ok(remarks)
+    Ok(Figure { svg: fit::draw(&fits, width_mm), provenance, remarks })
 }
 
-/// Writes the predicted against the measured steady angles of a session.
+/// Draws the predicted against the measured steady angles of a session.
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn scatter(
-    measured: &Path,
-    predicted: &Path,
-    anyway: bool,
-    width_mm: f64,
-    out: &Path,
-) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -> Result<Figure, FigureError> {
     let pairs = Pairs::of(measured, predicted)?;
     let jobs = rayon::current_num_threads();
     // Replays with another robot were asked for.
@@ -405,11 +412,11 @@ pub fn scatter(
     let (comparison, logs) =
         twin::compare_pairs(&pairs, want, on_mismatch, jobs, &|a, b, _| [a, b].map(Provenance::log))?;
     let provenance = Provenance::new("Predicted against measured steady angles", logs.into_iter().flatten());
-    output::write(&scatter::draw(&comparison.trials, width_mm), &provenance, out)?;
+    let svg = scatter::draw(&comparison.trials, width_mm);
     let warned = comparison.trials.iter().flat_map(|trial| trial.warnings.iter().map(move |text| (&trial.name, text)));
     let skipped = comparison.skipped.iter().map(|skipped| (&skipped.name, &skipped.reason));
     let warnings = warned.chain(skipped).map(|(name, text)| format!("{name}: {text}")).collect();
-    Ok(Remarks { findings: comparison.findings, warnings })
+    Ok(Figure { svg, provenance, remarks: Remarks { findings: comparison.findings, warnings } })
 }
 
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said

@@ -2,11 +2,8 @@
 //!
 //! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide.
 
-use super::provenance::Provenance;
 use super::{FigureError, print};
-use std::io::Write;
 use std::path::Path;
-use study::output;
 
 /// The format of a file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -44,14 +41,4 @@ pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> 
         Format::Svg => Ok(svg.as_bytes().to_vec()),
         Format::Pdf | Format::Png => print::convert(svg, format),
     }
-}
-
-/// Writes a figure with where it comes from.
-///
-/// # Errors
-/// [`FigureError`].
-pub(super) fn write(svg: &str, provenance: &Provenance, path: &Path) -> Result<(), FigureError> {
-    let format = Format::of(path)?;
-    let content = provenance.add(encode(svg, format)?, format)?;
-    Ok(output::replace(path, |file| file.write_all(&content))?)
 }

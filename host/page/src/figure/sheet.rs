@@ -45,13 +45,12 @@ impl Anchor {
 pub(super) struct Sheet {
     pub width: f64,
     body: String,
-    clips: usize,
 }
 
 impl Sheet {
     /// Creates an empty sheet.
     pub fn new(width_mm: f64) -> Self {
-        Self { width: width_mm * MM, body: String::new(), clips: 0 }
+        Self { width: width_mm * MM, body: String::new() }
     }
 
     fn add(&mut self, element: &Markup) {
@@ -118,11 +117,12 @@ impl Sheet {
 
     /// Draws what `draw` adds within a rectangle only.
     pub fn clipped(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], draw: impl FnOnce(&mut Self)) {
-        self.clips += 1;
-        let id = format!("clip{}", self.clips);
-        self.add(&html! {
-            clipPath id=(id) { rect x=(short(x)) y=(short(y)) width=(short(width)) height=(short(height)) {} }
-        });
+        let [x, y, width, height] = [x, y, width, height].map(short);
+        // A page may have several figures, and takes the first of equal ids.
+        let id = format!("clip_{x}_{y}_{width}_{height}");
+        if !self.body.contains(&format!("id=\"{id}\"")) {
+            self.add(&html! { clipPath id=(id) { rect x=(x) y=(y) width=(width) height=(height) {} } });
+        }
         self.body += &format!("<g clip-path=\"url(#{id})\">");
         draw(self);
         self.body += "</g>";

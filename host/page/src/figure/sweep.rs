@@ -1,9 +1,8 @@
 //! Figures of a sweep's table: a result over one input, and the steady angles of a map.
 
 use super::lines::{Curve, MOST, Point, draw};
-use super::output::{self, Format};
 use super::provenance::Provenance;
-use super::{FigureError, Remarks};
+use super::{Figure, FigureError, Remarks};
 use crate::swept::{self, MOST_SPREAD_DEG, Swept};
 use std::path::{Path, PathBuf};
 use study::attitude::student_95;
@@ -22,13 +21,12 @@ pub struct Lines<'a> {
     pub at: &'a [(String, f64)],
 }
 
-/// Writes a result of a sweep over an input, a curve for each value of another. Bands are 95 % intervals of the mean where the
+/// Draws a result of a sweep over an input, a curve for each value of another. Bands are 95 % intervals of the mean where the
 /// table has its standard error.
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
+pub fn lines(sweep: &Path, lines: Lines, width_mm: f64) -> Result<Figure, FigureError> {
     let (table, swept) = read_sweep(sweep)?;
     let wrong = |reason: String| wrong_lines(&table, reason, &swept);
     let missing = |name: &str, what: &str| wrong(format!("{name} is no {what} of the sweep"));
@@ -77,7 +75,6 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
     let svg = draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
     let provenance =
         Provenance::new(format!("{} over {}", value.label(), over.label()), [Provenance::file("table", &table)]);
-    output::write(&svg, &provenance, out)?;
     let mut warnings = Vec::new();
     if let Some(by) = lines.by.and_then(|name| swept.column(name)) {
         let is_drawn = |value: f64| curves.iter().any(|curve| curve.name == short_number(value));
@@ -89,7 +86,7 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
             warnings.push(format!("no curve for {} = {}: no point there has a value", by.name, missing.join(", ")));
         }
     }
-    Ok(Remarks { findings: Vec::new(), warnings })
+    Ok(Figure { svg, provenance, remarks: Remarks { findings: Vec::new(), warnings } })
 }
 
 /// Returns the values of inputs in words, one line each.

@@ -9,7 +9,7 @@ Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environme
 """
 
 from ._aim import Aimed, ContactChange, Doubt, Solution, aim
-from ._biflag import Robot, __commit__, __version__
+from ._biflag import MAX_SPEED_RPM, Figure, Robot, __commit__, __version__, figure
 from ._errors import Error, ParameterError
 from ._import import from_arrays
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
@@ -21,6 +21,7 @@ from ._trial import Steady, Trial, simulate, simulate_batch
 from ._twin import Calibration, ComparedTrial, Comparison, Estimate, calibrate, compare
 
 __all__ = [
+    "MAX_SPEED_RPM",
     "Aimed",
     "Angles",
     "Calibration",
@@ -31,6 +32,7 @@ __all__ = [
     "Error",
     "Estimate",
     "Event",
+    "Figure",
     "ParameterError",
     "Recording",
     "Rig",
@@ -47,6 +49,7 @@ __all__ = [
     "aim",
     "calibrate",
     "compare",
+    "figure",
     "from_arrays",
     "read_log",
     "read_session",

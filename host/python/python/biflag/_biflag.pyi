@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "MAX_SPEED_RPM",
     "STEADY_MAP",
     "Answer",
+    "Figure",
     "Robot",
     "Simulated",
     "Simulators",
@@ -17,7 +19,9 @@ __all__ = [
     "__version__",
     "aim",
     "calibrate",
+    "check_speeds",
     "compare",
+    "figure",
     "html",
     "picture",
     "read_log",
@@ -34,6 +38,7 @@ __all__ = [
 __version__: str
 __commit__: str
 STEADY_MAP: str
+MAX_SPEED_RPM: float
 
 @final
 class Robot:
@@ -69,6 +74,13 @@ class Simulated:
     def html(self) -> str: ...
 
 @final
+class Figure:
+    @property
+    def svg(self) -> str: ...
+    def save(self, path: str | PathLike[str]) -> None: ...
+    def _repr_svg_(self) -> str: ...
+
+@final
 class Answer:
     def record(self) -> dict[str, Any]: ...
     def target(self) -> str: ...
@@ -96,8 +108,9 @@ def simulate(
     shapes: bool,
     phase_deg: Sequence[float],
 ) -> Simulated: ...
+def check_speeds(speeds: ArrayLike) -> None: ...
 def simulate_batch(
-    robot: Robot,
+    robots: Sequence[Robot],
     speeds: ArrayLike,
     duration: float,
     closure: str,
@@ -105,12 +118,14 @@ def simulate_batch(
     rate_hz: float,
     phase_deg: Sequence[float],
     threads: int | None,
+    progress: Callable[[int, int], object] | None,
 ) -> dict[str, Any]: ...
 def read_log(path: str | PathLike[str]) -> dict[str, Any]: ...
 def read_session(path: str | PathLike[str]) -> dict[str, Any]: ...
 def session_repeats(path: str | PathLike[str]) -> list[dict[str, Any]]: ...
 def session_table(path: str | PathLike[str]) -> tuple[dict[str, Any], list[tuple[str, str]]]: ...
 def html(path: str | PathLike[str]) -> str: ...
+def figure(subject: str, *sources: object, width_mm: float = 88.0, **options: object) -> Figure: ...
 def picture(
     robot: Robot,
     angles_deg: Sequence[float],

@@ -15,7 +15,7 @@ from . import _biflag
 from ._trial import Floats
 
 STEP_RPM = 10.0
-LARGEST_RPM = 90.0
+LARGEST_RPM = _biflag.MAX_SPEED_RPM
 
 TIME_CONSTANTS_S = (1.5, 4.9, 4.9)
 """Of yaw, pitch and roll, fitted to the model."""
@@ -68,6 +68,7 @@ class FastRobots:
 
     def step(self, speeds_rpm: Floats, dt: float) -> tuple[None, list[str]]:
         """Advances all robots by a time in s, at speeds of shape (n, 2). No robot fails."""
+        _biflag.check_speeds(speeds_rpm)
         if self._shares[0] != dt:
             self._shares = (dt, -np.expm1(-dt / self.time_constants))
         angles, rates = self._poses[:, :3], self._poses[:, 3:]

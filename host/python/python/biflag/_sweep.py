@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 from . import _biflag
-from ._table import Table
+from ._table import Progress, Table, shown
 from ._twin import Path
 
 
@@ -16,7 +15,7 @@ def sweep(
     out: Path,
     *,
     threads: int | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> Table:
     """Computes the points of a sweep's plan into a folder, and returns their table; as ``biflag sweep``.
 
@@ -43,13 +42,14 @@ def sweep(
         out: The folder, in which the table is also written as ``table.parquet`` and ``table.csv``.
         threads: Number of points that are computed at the same time; one for each core if left out.
         progress: Called now and then with the number of points that are done and of all; its exceptions end the sweep.
+            ``True`` shows them on stderr.
 
     Raises:
         ParameterError: The plan is wrong, or the folder has the sweep of another plan, robot or version of the
             model's results.
         Error: The folder cannot be used.
     """
-    return _table(*_biflag.sweep(plan, out, threads, progress))
+    return _table(*_biflag.sweep(plan, out, threads, shown(progress)))
 
 
 def read_sweep(path: Path) -> Table:

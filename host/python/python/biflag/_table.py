@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from html import escape
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from ._errors import ParameterError
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
+
+Progress: TypeAlias = Callable[[int, int], object] | bool | None
 
 ROWS_SHOWN = 10
 
@@ -85,6 +89,25 @@ class Table(Mapping[str, NDArray[Any]]):
         else:
             raise ParameterError(f"{os.fspath(path)}: a table is saved as .csv or .parquet", "path")
 
+    def plot(self, x: str | None = None, y: str = "yaw_deg", *, by: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draws the column ``y`` over ``x``, by default the time or the speed of motor 1, with matplotlib.
+
+        Returns the axes: ``ax``, or new ones. There is a curve for each value of the column ``by``.
+
+        Raises:
+            ImportError: matplotlib is missing: ``pip install biflag[plot]``.
+        """
+        x = x or next((name for name in ("time_s", "w1_rpm") if name in self), next(iter(self)))
+        axes: Axes = new_axes(1)[0] if ax is None else ax
+        for value in [None] if by is None else np.unique(self[by]):
+            rows = np.flatnonzero(self[by] == value) if by is not None else np.arange(self.rows)
+            rows = rows[np.argsort(self[x][rows], kind="stable")]
+            axes.plot(self[x][rows], self[y][rows], "-" if x == "time_s" else ".-", label=None if by is None else str(value))
+        axes.set(xlabel=x, ylabel=y)
+        if by is not None:
+            axes.legend(title=by)
+        return axes
+
     def __repr__(self) -> str:
         return f"<biflag.Table of {self.rows} rows: {', '.join(self)}>"
 
@@ -97,3 +120,22 @@ class Table(Mapping[str, NDArray[Any]]):
         body = ("".join(cell(column[i]) for column in self._columns.values()) for i in range(shown))
         rest = f"<p>{self.rows} rows, the first {shown} shown</p>" if shown < self.rows else ""
         return f"<table><tr>{head}</tr><tr>{'</tr><tr>'.join(body)}</tr></table>{rest}"
+
+
+def new_axes(rows: int) -> NDArray[Any]:
+    """Returns axes one below the other, shape (rows,)."""
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("a plot needs matplotlib: pip install biflag[plot]") from error
+    axes: NDArray[Any] = pyplot.subplots(rows, sharex=True, squeeze=False, figsize=(7, 2 + 1.5 * rows))[1]
+    return axes[:, 0]
+
+
+def shown(progress: Progress) -> Callable[[int, int], object] | None:
+    """Returns what is called with the number of points that are done and of all; ``True`` writes them to stderr."""
+
+    def write(done: int, points: int) -> None:
+        print(f"\r{done} of {points}", end="\n" if done == points else "", file=sys.stderr, flush=True)
+
+    return write if progress is True else progress or None

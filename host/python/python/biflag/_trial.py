@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -13,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _biflag
 from ._biflag import Robot
-from ._table import Table
+from ._errors import ParameterError
+from ._table import Progress, Table, new_axes, shown
 
 if TYPE_CHECKING:
     import pandas
@@ -183,8 +185,20 @@ class Trial:
         return xarray.Dataset(variables, coords=coordinates)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the log of the trial, which must not exist; every command of ``biflag`` and :func:`read_log` read it."""
-        self._simulated.save(path)
+        """Writes the log of the trial, which must not exist; every command of ``biflag`` and :func:`read_log` read it.
+
+        Its name ends with .mcap; ``to_table().save(path)`` writes a table.
+        """
+        self._simulated.save(log_path(path))
+
+    def plot(self, ax: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Draws yaw, pitch and roll over time with matplotlib, as :meth:`Table.plot`, and returns the three axes.
+
+        Those of another trial, given as ``ax``, get this one too.
+        """
+        names, table = ("yaw_deg", "pitch_deg", "roll_deg"), self.to_table()
+        both = zip(new_axes(3) if ax is None else ax, names, strict=True)
+        return np.array([table.plot("time_s", name, ax=axes) for axes, name in both])
 
     def __repr__(self) -> str:
         steady = self.steady
@@ -194,6 +208,14 @@ class Trial:
 
     def _repr_html_(self) -> str:
         return framed(self._simulated.html())
+
+
+def log_path(path: str | PathLike[str]) -> str | PathLike[str]:
+    """Returns the path of a new log."""
+    if os.path.splitext(path)[1] != ".mcap":
+        reason, help = "a log ends with .mcap", "for a table: `to_table().save(path)`, or `biflag export` of the log"
+        raise ParameterError(f"{os.fspath(path)}: {reason}", "path", reason, help)
+    return path
 
 
 def framed(page: str) -> str:
@@ -220,7 +242,7 @@ def simulate(
 
     Args:
         robot: The robot and its fluid.
-        speeds: Speeds of motors 1 and 2 in rpm, positive counter-clockwise seen from above: two numbers, reached within
+        speeds: Speeds of motors 1 and 2 in rpm, at most 90, positive counter-clockwise seen from above: two numbers, reached within
             0.25 s; an array of shape (n, 2), evenly spaced over the duration; an array of shape (n, 3) with times in s
             in its first column; or a function from the time in s to two numbers, which is evaluated every 10 ms.
             Between given times the speeds change linearly.
@@ -244,7 +266,7 @@ def simulate(
 
 
 def simulate_batch(
-    robot: Robot,
+    robot: Robot | Sequence[Robot],
     speeds: ArrayLike,
     duration: float = 120.0,
     *,
@@ -253,6 +275,7 @@ def simulate_batch(
     rate_hz: float = 20.0,
     phase_deg: tuple[float, float] = (0.0, 0.0),
     threads: int | None = None,
+    progress: Progress = None,
 ) -> Table:
     """Simulates trials at constant speeds side by side, and returns a table with the steady state of each.
 
@@ -264,7 +287,7 @@ def simulate_batch(
     (True, [-4, 4])
 
     Args:
-        robot: The robot and its fluid.
+        robot: The robot and its fluid; or a robot a row, n of them.
         speeds: Speeds of motors 1 and 2 in rpm, shape (n, 2).
         duration: Duration of each trial in s.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
@@ -274,9 +297,12 @@ def simulate_batch(
         rate_hz: Samples a second in which the state of the flagella, ``bundling``, is looked at.
         phase_deg: Angles of the motors at the start, degrees.
         threads: Number of threads; all cores if left out.
+        progress: Called now and then with the number of trials that are done and of all; its exceptions end the work.
+            ``True`` shows them on stderr.
 
     Raises:
         ParameterError: An argument is impossible.
     """
-    columns = _biflag.simulate_batch(robot, speeds, duration, closure, method, rate_hz, phase_deg, threads)
-    return Table(columns)
+    robots = [robot] if isinstance(robot, Robot) else list(robot)
+    call = shown(progress)
+    return Table(_biflag.simulate_batch(robots, speeds, duration, closure, method, rate_hz, phase_deg, threads, call))

@@ -45,7 +45,7 @@ from ._trial import Closure, Floats
 
 __all__ = ["AttitudeEnv", "AttitudeVectorEnv"]
 
-MAX_SPEED_RPM = 90.0
+MAX_SPEED_RPM = _biflag.MAX_SPEED_RPM
 
 MAX_STEPS = 240
 
