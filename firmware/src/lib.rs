@@ -12,7 +12,8 @@
 //! | [`gap`] | the turn in a time without readings |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
 //! | [`encoder`] | the edges of an encoder that are motion, and the speed of its flagellum |
-//! | [`motor`] | the bridges, control of speed and angle |
+//! | [`speed`] | control of a motor's speed and angle |
+//! | [`drive`], [`bridge`] | both motors; one channel of their bridge |
 //! | [`guard`] | stall, runaway, overload, failed encoder |
 //! | [`positions`] | the shafts' positions over a loss of power |
 //! | [`schedule`] | the speeds of a trial over its ticks |
@@ -35,7 +36,9 @@
 
 pub mod app;
 pub mod attitude;
+pub mod bridge;
 pub mod calibration;
+pub mod drive;
 pub mod encoder;
 pub mod fault;
 pub mod fault_log;
@@ -43,10 +46,10 @@ pub mod gap;
 pub mod guard;
 pub mod imu;
 pub mod link;
-pub mod motor;
 pub mod positions;
 pub mod schedule;
 pub mod settings;
+pub mod speed;
 pub mod storage;
 pub mod supply;
 

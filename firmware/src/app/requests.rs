@@ -16,7 +16,7 @@ use crate::gap::Gap;
 use crate::guard::Guard;
 use crate::imu::Config;
 use crate::link::{Answer, Link, Outbox};
-use crate::motor::Turn;
+use crate::speed::Turn;
 use crate::storage::Storage;
 
 impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>

@@ -5,7 +5,8 @@ use core::convert::Infallible;
 use avr_device::atmega328p::{PORTB, PORTD, TC0, TC2};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::pwm::{self, SetDutyCycle};
-use firmware::motor::{Bridge, Motors};
+use firmware::bridge::Bridge;
+use firmware::drive::Motors;
 
 const AIN1: Pin = Pin { port: Port::B, mask: 1 << 0 };
 const STBY: Pin = Pin { port: Port::B, mask: 1 << 1 };

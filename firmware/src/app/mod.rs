@@ -14,15 +14,16 @@ use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Se
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
+use crate::drive::Motors;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Latch, reset_cause};
 use crate::gap::{self, Gap};
 use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
-use crate::motor::{self, Motors, SpeedControl, Turn, count_in_ticks};
 use crate::schedule::Schedule;
 use crate::settings::{Saving, Store};
+use crate::speed::{Gains, SpeedControl, Turn, count_in_ticks};
 use crate::storage::Storage;
 use crate::supply::Supply;
 
@@ -101,7 +102,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     count_in_ticks: i32,
     /// Half the turn in a tick per count of the gyroscope, rad.
     half_turn_scale: f32,
-    speed_gains: motor::Gains,
+    speed_gains: Gains,
     /// The motors' deadline. Stored because it is looked at between any two bytes.
     deadline_us: u32,
     build: Build,
@@ -146,7 +147,7 @@ where
             speed_scale: 0.0,
             count_in_ticks: 0,
             half_turn_scale: 0.0,
-            speed_gains: motor::Gains::default(),
+            speed_gains: Gains::default(),
             deadline_us: 0,
             settings: Settings::DEFAULT,
             build,
@@ -473,7 +474,7 @@ where
         self.count_in_ticks = count_in_ticks(self.settings.counts_per_turn);
         self.half_turn_scale = core::f32::consts::PI / 360.0 * TICK_S / self.settings.gyro_range.counts_per_dps();
         self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
-        self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
+        self.speed_gains = Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
 
     /// Latches a fault, adds it to the fault log, and stops the motors.
