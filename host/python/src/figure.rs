@@ -23,12 +23,12 @@ pub struct Figure {
 /// Draws a figure for a paper, as `biflag figure` with the same subject and options. Each source is a path, what was read
 /// from one, or a simulated trial.
 #[pyfunction(name = "figure")]
-#[pyo3(signature = (subject, *sources, width_mm=COLUMN_MM, **options))]
+#[pyo3(signature = (subject, *sources, width_mm=None, **options))]
 pub fn draw(
     py: Python<'_>,
     subject: &str,
     sources: Vec<Bound<'_, PyAny>>,
-    width_mm: f64,
+    width_mm: Option<f64>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Figure> {
     let wrong = |key: &str, reason: String| Err(Failure::parameter(key, reason).into());
@@ -55,15 +55,17 @@ pub fn draw(
         return wrong("sources", "give one, several with \"fit\", and `against` with \"scatter\"".to_owned());
     }
     let (number, time) = (get(&options, "number")?, get(&options, "time")?);
-    let moments: u16 = get(&options, "moments")?.unwrap_or(6);
+    let (moments, anyway): (u16, bool) =
+        (get(&options, "moments")?.unwrap_or(6), get(&options, "anyway")?.unwrap_or(false));
+    let width_mm = width_mm.unwrap_or(COLUMN_MM);
     if !WIDTHS_MM.contains(&width_mm) || !MOMENTS.contains(&i64::from(moments)) {
-        return wrong("width_mm, moments", format!("give a width in {WIDTHS_MM:?} mm, and moments in {MOMENTS:?}"));
+        let possible = format!("give {WIDTHS_MM:?} mm, and {MOMENTS:?} moments");
+        return wrong("width_mm, moments", possible.replace("..=", " to "));
     }
     let [value, over, by] = ["value", "over", "by"].map(|name| get::<String>(&options, name));
     let (value, over, by) = (value?, over?, by?);
-    let at: Option<BTreeMap<String, f64>> = get(&options, "at")?;
-    let at: Vec<_> = at.unwrap_or_default().into_iter().collect();
-    let anyway = get(&options, "anyway")?.unwrap_or(false);
+    let at: BTreeMap<String, f64> = get(&options, "at")?.unwrap_or_default();
+    let at: Vec<_> = at.into_iter().collect();
     let figure = interruptible(py, |_| {
         let (path, against) = (&*paths[0], against.as_deref());
         let trial = Subject { path, number };

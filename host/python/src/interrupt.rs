@@ -25,9 +25,6 @@ pub fn interruptible<T: Send>(
 
 /// The same, and calls `progress` now and then with the number of points that are done, which `work` counts from `before`
 /// on, and of all. Its exception ends the work as a signal does.
-///
-/// # Errors
-/// The exception of a signal or of `progress`, or that of the work.
 pub fn counted<T: Send>(
     py: Python<'_>,
     progress: Option<Bound<'_, PyAny>>,

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import biflag
+import numpy as np
 import pytest
 from conftest import biflag_json
 
@@ -27,14 +28,13 @@ def test_a_trial_and_a_table_are_plotted() -> None:
     for axis, name in zip(axes, ("yaw", "pitch", "roll"), strict=True):
         drawn = [line.get_ydata().tolist() for line in axis.lines]
         assert drawn == [getattr(trial, name).tolist() for trial in trials] and axis.get_ylabel() == f"{name}_deg"
+    assert [axis.get_xlabel() for axis in axes] == ["", "", "time_s"]
     with pytest.raises(ValueError, match="zip"):
         trials[0].plot(axes[:2])
     table = biflag.Table({"w1_rpm": [20.0, 10.0, 10.0], "tilt_deg": [3.0, 1.0, 2.0], "kind": ["a", "a", "b"]})
-    drawn = table.plot(y="tilt_deg", by="kind").lines
-    assert [(line.get_label(), line.get_xdata().tolist(), line.get_ydata().tolist()) for line in drawn] == [
-        ("a", [10.0, 20.0], [1.0, 3.0]),
-        ("b", [10.0], [2.0]),
-    ]
+    curves = table.plot(y="tilt_deg", by="kind").lines
+    assert [str(line.get_label()) for line in curves] == ["a", "b"]
+    assert [np.asarray(line.get_xydata()).tolist() for line in curves] == [[[10.0, 1.0], [20.0, 3.0]], [[10.0, 2.0]]]
 
 
 def test_without_matplotlib_a_plot_says_what_to_install() -> None:
@@ -84,6 +84,7 @@ def test_simulated_trials_are_drawn_without_a_file() -> None:
         ("moments", ("trial", "log.mcap"), {"moments": 3}),
         ("colour", ("fit", "robot.toml"), {"colour": "red"}),
         ("sources", ("trial",), {}),
+        ("width_mm, moments", ("trial", "log.mcap"), {"width_mm": 5}),
         ("sources", ("trial", "a.mcap", "b.mcap"), {}),
         ("sources", ("scatter", "session"), {}),
     ],

@@ -128,7 +128,7 @@ def new_axes(rows: int) -> NDArray[Any]:
         from matplotlib import pyplot
     except ImportError as error:
         raise ImportError("a plot needs matplotlib: pip install biflag[plot]") from error
-    axes: NDArray[Any] = pyplot.subplots(rows, sharex=True, squeeze=False, figsize=(7, 2 + 1.5 * rows))[1]
+    axes: NDArray[Any] = pyplot.subplots(rows, sharex=True, squeeze=False, layout="constrained")[1]
     return axes[:, 0]
 
 

@@ -192,13 +192,13 @@ class Trial:
         self._simulated.save(log_path(path))
 
     def plot(self, ax: NDArray[Any] | None = None) -> NDArray[Any]:
-        """Draws yaw, pitch and roll over time with matplotlib, as :meth:`Table.plot`, and returns the three axes.
-
-        Those of another trial, given as ``ax``, get this one too.
-        """
+        """Draws yaw, pitch and roll over time with matplotlib, into three axes such as those of another trial; returns them."""
         names, table = ("yaw_deg", "pitch_deg", "roll_deg"), self.to_table()
         both = zip(new_axes(3) if ax is None else ax, names, strict=True)
-        return np.array([table.plot("time_s", name, ax=axes) for axes, name in both])
+        drawn = np.array([table.plot("time_s", name, ax=axes) for axes, name in both])
+        for axes in drawn[:-1]:
+            axes.set_xlabel("")
+        return drawn
 
     def __repr__(self) -> str:
         steady = self.steady
