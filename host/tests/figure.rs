@@ -166,7 +166,10 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["trial", a, "--time", "-0.5,1"], &["−0.4", "1.0"]),
         (&["forces", a], &["Force x (mN)", "Force z (mN)", "flagellum 2"]),
         (&["map", "a"], &["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)", "ω₁ (rpm)", "ω₂ (rpm)"]),
-        (&["map", "a", "--against", "b"], &["tilt (°)"]),
+        (
+            &["map", "b", "--against", "a", "--anyway"],
+            &["b, in the colours of the map", "8 of 9 points hold for one starting phase of the flagella"],
+        ),
         (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)", "fluid viscosity 0.8 Pa s"]),
         (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
         (&["strip", "shapes/001_w1+50_w2+10.mcap", "--moments", "3"], &["0.0 s", "1.5 s", "3.0 s", "ψ 0.0°"]),
@@ -255,6 +258,8 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["lines", "sweep.csv", "--at", "w2_rpm=0", "--at", "w2_rpm=90", "-o", "x.svg"], "w2_rpm is given twice"),
         (&["lines", "sweep.csv", "--over", "yaw_deg", "-o", "x.svg"], "yaw_deg is no input of the sweep"),
         (&["lines", "a", "-o", "x.svg"], "is no sweep"),
+        (&["trial", a, "--against", b, "-o", "x.svg"], "the robots differ: fluid.viscosity_pa_s is"),
+        (&["map", "a", "--against", "b", "-o", "x.svg"], "the robots differ: fluid.viscosity_pa_s is"),
     ] {
         let output = biflag(folder, &[&["figure"], args].concat());
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -99,6 +99,9 @@ enum Subject {
         /// A session or sweep whose map is drawn behind the points of the first.
         #[arg(long, value_name = "SESSION|SWEEP")]
         against: Option<PathBuf>,
+        /// Draw maps of different robots or closures together.
+        #[arg(long)]
+        anyway: bool,
         /// The value of another input of a sweep, such as fluid_viscosity_pa_s=0.8; may be repeated. By default the one that
         /// most points have.
         #[arg(long, value_name = "COLUMN=VALUE", value_parser = fixed)]
@@ -188,8 +191,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             let lines = figure::Lines { value, over, by: by.as_deref(), at };
             (paper, figure::lines(sweep, lines, paper.width_mm)?)
         }
-        Subject::Map { session, against, at, paper } => {
-            (paper, figure::map(session, against.as_deref(), at, paper.width_mm)?)
+        Subject::Map { session, against, anyway, at, paper } => {
+            (paper, figure::map(session, against.as_deref(), *anyway, at, paper.width_mm)?)
         }
         Subject::Fit { robots, paper } => (paper, figure::fit(robots, paper.width_mm)?),
         Subject::Scatter { session, against, anyway, paper } => {

@@ -186,7 +186,7 @@ impl Content {
             }
         }
         let map = folder.join("map.svg");
-        match figure::map(session, None, &[], COLUMN_MM).and_then(|figure| figure.write(&map)) {
+        match figure::map(session, None, false, &[], COLUMN_MM).and_then(|figure| figure.write(&map)) {
             Ok(()) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
             // Most sessions have too few speeds.
             Err(FigureError::NoMap { .. }) => {}

@@ -76,7 +76,7 @@ fn axis(values: &[f64], label: &str) -> Axis {
     Axis::about(values.iter().copied(), if largest > 0.0 { 0.1 * largest } else { 1.0 }, label)
 }
 
-fn stroke(k: usize) -> Stroke {
+fn stroke(k: usize) -> Stroke<'static> {
     Stroke(COLOURS[k % COLOURS.len()], 0.9, DASHES[(k / COLOURS.len()).min(DASHES.len() - 1)])
 }
 

@@ -18,8 +18,38 @@ pub(super) struct Point {
     pub value: f64,
     /// The value with its sign, if `value` is its magnitude.
     pub signed: f64,
-    /// Whether the value settled and is the same for all starting phases; a ring marks the others.
+    /// Whether the value settled and is the same for all starting phases.
     pub is_settled: bool,
+}
+
+/// A sign on a map, which its legend explains.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Mark {
+    /// A cross in the colour of its value: a point over a surface, for instance a measured one.
+    Cross,
+    /// A point that is not settled.
+    Ring,
+    /// A point without a known value.
+    Square,
+}
+
+impl Mark {
+    /// Draws the sign in two colours: one of them is seen on any colour of the scale.
+    fn draw(self, sheet: &mut Sheet, [x, y]: [f64; 2], colour: &str) {
+        match self {
+            Self::Cross => {
+                let (x, y) = (short(x - CROSS_PT), short(y - CROSS_PT));
+                for (colour, width) in [("#ffffff", 2.6), (INK, 2.0), (colour, 1.2)] {
+                    sheet.path(&format!("M{x} {y}l4 4m-4 0l4 -4"), Stroke(colour, width, ""));
+                }
+            }
+            Self::Ring => sheet.dot([x, y], 0.9, "#ffffff", Stroke(INK, 0.4, "")),
+            Self::Square => {
+                let (x, y, size) = (short(x - SQUARE_PT), short(y - SQUARE_PT), short(2.0 * SQUARE_PT));
+                sheet.path(&format!("M{x} {y}h{size}v{size}h-{size}Z"), Stroke(INK, 0.5, ""));
+            }
+        }
+    }
 }
 
 /// One map: a surface, for instance of the model, and points over it, for instance measured ones.
@@ -28,12 +58,13 @@ pub(super) struct Map<'a> {
     pub title: &'a str,
     pub surface: &'a [Point],
     pub points: &'a [Point],
-    /// Where a point has no known value; a cross marks it.
+    /// Where a point has no known value.
     pub unknown: &'a [[f64; 2]],
 }
 
-/// Half the width of a cross, pt.
-const CROSS_PT: f64 = 1.1;
+/// Half the widths of a cross and of a square, pt.
+const CROSS_PT: f64 = 2.0;
+const SQUARE_PT: f64 = 1.1;
 
 /// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
 const SEEN: f64 = 3.0;
@@ -47,8 +78,14 @@ struct Grid {
     signed: Vec<Vec<f64>>,
 }
 
-/// Draws maps over the same axes, two in a row, with the lines of `under` below them.
-pub(super) fn draw(maps: &[Map], labels: [&str; 2], under_all: &[String], width_mm: f64) -> String {
+/// Draws maps over the same axes, two in a row, with the legend and the lines of `under_all` below them.
+pub(super) fn draw(
+    maps: &[Map],
+    labels: [&str; 2],
+    legend: &[(Mark, String)],
+    under_all: &[String],
+    width_mm: f64,
+) -> String {
     let mut sheet = Sheet::new(width_mm);
     let (left, right, top, under) = (8.5 * MM, 8.5 * MM, 5.0 * MM, 8.0 * MM);
     let column = 0.5 * sheet.width;
@@ -69,6 +106,11 @@ pub(super) fn draw(maps: &[Map], labels: [&str; 2], under_all: &[String], width_
     }
     let rows = maps.len().div_ceil(2) as f64;
     let mut bottom = rows * (top + height + under);
+    for (mark, line) in legend {
+        bottom += 1.2 * FONT_PT;
+        mark.draw(&mut sheet, [left + 2.2, bottom - 0.35 * FONT_PT], "#ffffff");
+        sheet.text(left + 7.0, bottom, Anchor::Start, line);
+    }
     for line in under_all {
         bottom += 1.2 * FONT_PT;
         sheet.text(left, bottom, Anchor::Start, line);
@@ -104,9 +146,9 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
     let levels = scale.ticks(4.0);
     sheet.text(panel.left, panel.top - 0.5 * FONT_PT, Anchor::Start, map.title);
-    let unsettled = map.surface.iter().chain(map.points).filter(|point| !point.is_settled);
+    let marked = map.surface.iter().filter(|point| !point.is_settled).chain(map.points);
     let marks: Vec<[f64; 2]> =
-        (unsettled.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
+        (marked.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
     match Grid::of(map.surface) {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
@@ -121,17 +163,13 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
         }
     }
     for Point { at: [x, y], value, .. } in map.points {
-        sheet.dot(panel.at(*x, *y), 2.0, &shade(*value), Stroke("#ffffff", 0.8, ""));
-        sheet.dot(panel.at(*x, *y), 2.4, "none", Stroke(INK, 0.4, ""));
+        Mark::Cross.draw(sheet, panel.at(*x, *y), &shade(*value));
     }
-    // Two colours: one of them is seen on any colour of the scale.
     for Point { at: [x, y], .. } in map.surface.iter().chain(map.points).filter(|point| !point.is_settled) {
-        sheet.dot(panel.at(*x, *y), 0.9, "#ffffff", Stroke(INK, 0.4, ""));
+        Mark::Ring.draw(sheet, panel.at(*x, *y), "");
     }
     for [x, y] in map.unknown {
-        let [x, y] = panel.at(*x, *y).map(|at| at - CROSS_PT);
-        let (x, y, size) = (short(x), short(y), short(2.0 * CROSS_PT));
-        sheet.path(&format!("M{x} {y}l{size} {size}m-{size} 0l{size} -{size}"), Stroke(INK, 0.5, ""));
+        Mark::Square.draw(sheet, panel.at(*x, *y), "");
     }
     frame(sheet, panel);
     colour_bar(sheet, panel, &scale, &levels, &shade);
@@ -327,7 +365,7 @@ mod tests {
             let surface: Vec<_> =
                 all.map(|at| Point { at, value: at[0], signed: at[0], is_settled: at[0] > 0.5 }).collect();
             let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.0, 0.0]] };
-            draw(&[map], ["x", "y"], &[], 88.0)
+            draw(&[map], ["x", "y"], &[], &[], 88.0)
         };
         let (coarse, fine) = (drawn(CONTOUR_NODES as i32 - 1), drawn(CONTOUR_NODES as i32));
         let contours = |svg: &str| svg.matches("stroke=\"#ffffff\" stroke-width=\"0.7\"").count();
@@ -335,7 +373,7 @@ mod tests {
         assert_eq!((contours(&coarse), labels(&coarse)), (0, 0));
         assert!(contours(&fine) >= 3 && labels(&fine) == contours(&fine), "{fine}");
         // The first column is not settled, and one point is unknown.
-        let marks = (coarse.matches("<circle").count(), coarse.matches("l2.2 -2.2").count());
+        let marks = (coarse.matches("<circle").count(), coarse.matches("h2.2v2.2h-2.2Z").count());
         assert_eq!(marks, (CONTOUR_NODES - 1, 1));
     }
 

@@ -25,26 +25,22 @@ pub use sweep::{Lines, lines};
 use crate::film::FilmError;
 use crate::swept;
 use biflag_log::LogError;
-use map::{Map, Point};
+use map::{Map, Mark, Point};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
+use sim::steady::phase::Ratio;
 use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use study::output::{OutputError, replace};
 use study::plan::{PlanError, robot};
+use study::run::model::has_phases;
 use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{AtSpeeds, Data, FindingKind, LogFinding, Want, Zeroed, findings, mean_of_repeats};
-use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
+use study::twin::{self, Compared, Maker, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
-
-/// Says below a map what its rings mean.
-const UNSTEADY: &str = "Ring: not settled, or more than 0.3° apart for other starting phases";
-
-/// Says below a map what its crosses mean.
-const UNKNOWN: &str = "Cross: not settled, mean not known";
 
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
@@ -231,6 +227,12 @@ impl Figure {
     }
 }
 
+/// The same for two sessions: replays with another robot were asked for.
+fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, FigureError> {
+    let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
+    Ok(if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) })
+}
+
 /// What is to be said about a figure.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Remarks {
@@ -323,21 +325,30 @@ pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_m
 }
 
 /// Draws maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
-/// map of `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out. `at` as in
-/// [`Lines`].
+/// map of `surface`, which must be of the same robot unless `anyway`. A pair of speeds has the mean of its trials; trials that did
+/// not end as planned are left out. `at` as in [`Lines`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn map(session: &Path, surface: Option<&Path>, at: &[(String, f64)], width_mm: f64) -> Result<Figure, FigureError> {
+pub fn map(
+    session: &Path,
+    surface: Option<&Path>,
+    anyway: bool,
+    at: &[(String, f64)],
+    width_mm: f64,
+) -> Result<Figure, FigureError> {
     let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
         Some(_) => sweep::steady(path, at, (&mut remarks, &mut logs, &mut under)),
-        None => Ok(Steady { known: steady(path, &mut remarks, &mut logs)?, unknown: Vec::new() }),
+        None => steady(path, &mut remarks, &mut logs),
     };
     let (of_surface, of_points) = match surface {
         Some(surface) => (read(surface)?, read(session)?),
         None => (read(session)?, Steady::default()),
     };
+    if let (Some(surface), Some(a), Some(b)) = (surface, &of_points.maker, &of_surface.maker) {
+        remarks.warnings.extend(of_sessions(session, surface, anyway)?.warning(a.difference(b), [session, surface])?);
+    }
     let (surface, points) = (of_surface.known, of_points.known);
     let unknown = [of_surface.unknown, of_points.unknown].concat();
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
@@ -362,14 +373,22 @@ pub fn map(session: &Path, surface: Option<&Path>, at: &[(String, f64)], width_m
         .zip(&maps)
         .map(|(title, (surface, points))| Map { title, surface, points, unknown: &unknown })
         .collect();
-    if surface.iter().chain(&points).any(|trial| !trial.is_settled) {
-        under.push(UNSTEADY.to_owned());
-    }
-    if !unknown.is_empty() {
-        under.push(UNKNOWN.to_owned());
+    let whose = if of_points.is_measured { "measured".to_owned() } else { session.display().to_string() };
+    let unsettled = surface.iter().chain(&points).any(|trial| !trial.is_settled);
+    let legend = [
+        (Mark::Cross, !points.is_empty(), format!("{whose}, in the colours of the map")),
+        (Mark::Ring, unsettled, "not settled, or more than 0.3° apart for other starting phases".to_owned()),
+        (Mark::Square, !unknown.is_empty(), "not settled, mean not known".to_owned()),
+    ];
+    let legend: Vec<(Mark, String)> =
+        legend.into_iter().filter(|(_, is_there, _)| *is_there).map(|(mark, _, text)| (mark, text)).collect();
+    let of_one_phase = surface.iter().filter(|point| Ratio::of(point.speeds_rpm).is_some()).count();
+    if of_surface.one_phase && of_one_phase > 0 {
+        let all = surface.len();
+        under.push(format!("{of_one_phase} of {all} points hold for one starting phase of the flagella"));
     }
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
-    Ok(Figure { svg: map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), provenance, remarks })
+    Ok(Figure { svg: map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &legend, &under, width_mm), provenance, remarks })
 }
 
 /// Draws the 95 % intervals of the parameters of fitted robots.
@@ -405,9 +424,7 @@ pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, FigureError> {
 pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -> Result<Figure, FigureError> {
     let pairs = Pairs::of(measured, predicted)?;
     let jobs = rayon::current_num_threads();
-    // Replays with another robot were asked for.
-    let are_replays = predicted == Source::open(measured)?.replay_folder();
-    let on_mismatch = if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) };
+    let on_mismatch = of_sessions(measured, predicted, anyway)?;
     let want = Want { hash: true, ..Want::default() };
     let (comparison, logs) =
         twin::compare_pairs(&pairs, want, on_mismatch, jobs, &|a, b, _| [a, b].map(Provenance::log))?;
@@ -421,7 +438,7 @@ pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -
 
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
 /// about its logs, and the logs.
-fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Steady, FigureError> {
     let session = Session::open(session)?;
     let states = session.intact_states()?;
     remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned().chain(session.missing(&states)));
@@ -429,7 +446,9 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
     let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
         let data = match log.read(Want { hash: true, ..Want::default() }) {
             // What is no log is no point of the map either.
-            Err(error) if state.complete().is_none() && !error.is_of_reading() => return Ok((None, Vec::new(), None)),
+            Err(error) if state.complete().is_none() && !error.is_of_reading() => {
+                return Ok((None, Vec::new(), None, None));
+            }
             data => data?,
         };
         let zeroed = Zeroed::new(&data);
@@ -441,13 +460,19 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         let angles =
             angles.map(|a| AtSpeeds::of_trial(speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], is_settled, ()));
         let log = angles.is_some().then(|| Provenance::log(&data));
-        Ok((angles, found, log))
+        let maker = angles.as_ref().and_then(|_| Maker::of(&data).ok());
+        Ok((angles, found, log, maker.map(|maker| (maker, data.is_model()))))
     };
-    let mut trials = Vec::new();
-    for (angles, found, log) in attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()? {
+    let (mut trials, mut first) = (Vec::new(), None);
+    for (angles, found, log, maker) in attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()? {
         trials.extend(angles);
         remarks.findings.extend(found);
         logs.extend(log);
+        first = first.or(maker);
     }
-    Ok(mean_of_repeats(trials.into_iter()))
+    let known = mean_of_repeats(trials.into_iter());
+    let is_model = first.as_ref().is_some_and(|(_, is_model)| *is_model);
+    let one_phase = is_model && !has_phases(&session.plan().trials);
+    let maker = first.map(|(maker, _)| maker);
+    Ok(Steady { known, unknown: Vec::new(), one_phase, is_measured: !is_model, maker })
 }

@@ -20,7 +20,7 @@ pub(super) const FLAGELLA: [&str; 2] = ["#cc79a7", "#009e73"];
 
 /// A line's look: colour, width in pt, and dashes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stroke(pub &'static str, pub f64, pub &'static str);
+pub(super) struct Stroke<'a>(pub &'a str, pub f64, pub &'static str);
 
 /// Where a text has its anchor.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

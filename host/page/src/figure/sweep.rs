@@ -4,9 +4,12 @@ use super::lines::{Curve, MOST, Point, draw};
 use super::provenance::Provenance;
 use super::{Figure, FigureError, Remarks};
 use crate::swept::{self, MOST_SPREAD_DEG, Swept};
+use sim::body::closure::Closure;
 use std::path::{Path, PathBuf};
 use study::attitude::student_95;
+use study::sweep::{Folder, is_folder};
 use study::trial::AtSpeeds;
+use study::twin::Maker;
 
 /// Which result of a sweep is drawn over which inputs.
 #[derive(Clone, Copy, Debug)]
@@ -125,12 +128,18 @@ fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
 }
 
 /// What a map shows.
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Steady {
     /// The steady angles, at different speeds.
     pub known: Vec<AtSpeeds<()>>,
     /// The speeds at which not even the means are known.
     pub unknown: Vec<[f64; 2]>,
+    /// Whether they hold for one starting phase, where that matters.
+    pub one_phase: bool,
+    /// Whether they were measured.
+    pub is_measured: bool,
+    /// The robot, if it is known.
+    pub maker: Option<Maker>,
 }
 
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
@@ -169,5 +178,11 @@ pub(super) fn steady(
         is_settled: !spreads.iter().any(|spread| spread.values[i] > MOST_SPREAD_DEG),
         first: (),
     };
-    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown })
+    let one_phase = swept.column("phases").is_some_and(|phases| phases.values.iter().all(|number| *number <= 1.0));
+    // Where the robot varies, the line below the axes says which of its values are drawn.
+    let folder = table.parent().filter(|folder| fixed.is_empty() && is_folder(folder)).map(Folder::open).transpose();
+    let folder = folder.map_err(|error| wrong(error.to_string()))?;
+    let robot = folder.and_then(|folder| folder.sweep.point(0).robot.ok());
+    let maker = robot.map(|robot| Maker { robot, closure: Some(Closure::Full) });
+    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, is_measured: false, maker })
 }

@@ -6,7 +6,7 @@ use crate::session::SessionError;
 use crate::trial::{Data, Unusable};
 use biflag_log::LogError;
 use miette::Diagnostic;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Why a replay, a comparison or a calibration failed.
@@ -76,6 +76,11 @@ impl TwinError {
     /// Returns the error for a trial that cannot be used.
     pub(super) fn unusable(data: &Data, Unusable { reason, help }: Unusable) -> Self {
         Self::Unusable { path: data.path.clone(), reason, help }
+    }
+
+    /// Returns the error for two trials that must not be compared.
+    pub(super) fn incomparable([a, b]: [&Path; 2], reason: String, help: &'static str) -> Self {
+        Self::Incomparable { measured: a.to_owned(), modelled: b.to_owned(), reason, help }
     }
 
     /// Returns the error for a trial with invalid robot parameters.

@@ -16,7 +16,7 @@ mod source;
 mod speeds;
 
 pub use compare::{
-    AngleComparison, Compared, Comparison, Difference, Limit, OnMismatch, Point, Settling, Sides, Transient,
+    AngleComparison, Compared, Comparison, Difference, Limit, Maker, OnMismatch, Point, Settling, Sides, Transient,
     Uncertainty, Unjudged, compare, is_replay_of,
 };
 pub use error::TwinError;

@@ -18,7 +18,7 @@ pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;
 pub use motors::{MOTOR_S, Motors};
-pub use phases::{PhaseMeans, note_on_phases, note_on_unknown_angles};
+pub use phases::{PhaseMeans, has_phases, note_on_phases, note_on_unknown_angles};
 pub use steered::{DELAY_S, Steered, SteeredError, steer};
 pub use trial::{Course, write_log};
 

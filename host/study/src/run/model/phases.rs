@@ -105,7 +105,7 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
         ));
     }
     // The means of trials at several phases are not complete yet.
-    if trials.windows(2).any(|pair| pair[0].is_at_the_phases_of(&pair[1])) {
+    if has_phases(trials) {
         return None;
     }
     let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
@@ -117,6 +117,11 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
              phase of the flagella; {cure}"
         ),
     })
+}
+
+/// Returns whether trials differ in their starting phases alone.
+pub fn has_phases(trials: &[Trial]) -> bool {
+    trials.windows(2).any(|pair| pair[0].is_at_the_phases_of(&pair[1]))
 }
 
 /// Returns a note for the user if recorded trials depend on the flagella's starting angles and the board does not know

@@ -2,6 +2,7 @@
 
 use crate::trial::Data;
 use crate::twin::TwinError;
+use sim::body::closure::Closure;
 use sim::params::Robot;
 
 /// Returns the reason why two trials should not be compared, if there is one.
@@ -24,13 +25,36 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     {
         return Ok(Some(format!("the starting phases differ: {one:?} and {other:?} deg")));
     }
-    if let (Some(one), Some(other)) = (&a.records.model, &b.records.model)
-        && one.closure != other.closure
-    {
-        return Ok(Some(format!("the closures differ: {:?} and {:?}", one.closure, other.closure).to_lowercase()));
+    Ok(Maker::of(a)?.difference(&Maker::of(b)?))
+}
+
+/// What made the angles of a log or of a sweep.
+#[derive(Clone, Debug)]
+pub struct Maker {
+    /// The robot.
+    pub robot: Robot,
+    /// The closure; `None` without a model.
+    pub closure: Option<Closure>,
+}
+
+impl Maker {
+    /// Returns what made a log.
+    ///
+    /// # Errors
+    /// [`TwinError::Robot`] if the robot's parameters in the log are invalid.
+    pub fn of(data: &Data) -> Result<Self, TwinError> {
+        let robot = data.robot().map_err(|source| TwinError::robot(data, source))?;
+        let closure = data.records.model.as_ref().map(|model| model.closure);
+        Ok(Self { robot, closure })
     }
-    let robot = |data: &Data| data.robot().map_err(|source| TwinError::robot(data, source));
-    Ok(robot_difference(&robot(a)?, &robot(b)?).map(|text| format!("the robots differ: {text}")))
+
+    /// Returns the reason why the angles of two makers should not be compared, if there is one.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        match (self.closure, other.closure) {
+            (Some(a), Some(b)) if a != b => Some(format!("the closures differ: {a:?} and {b:?}").to_lowercase()),
+            _ => robot_difference(&self.robot, &other.robot).map(|text| format!("the robots differ: {text}")),
+        }
+    }
 }
 
 /// Returns whether two logs are the same recording, possibly copied, recovered or cut. Comparing a recording with

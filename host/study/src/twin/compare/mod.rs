@@ -18,6 +18,7 @@ mod verdict;
 pub use comparison::{
     AngleComparison, Comparison, Difference, Limit, Point, Settling, Transient, Uncertainty, Unjudged,
 };
+pub use compatibility::Maker;
 pub use pair::is_replay_of;
 pub use sides::Sides;
 
@@ -28,6 +29,7 @@ use compatibility::difference;
 use pair::{Pair, Side};
 use sim::accuracy::ModelError;
 use std::borrow::Cow;
+use std::path::Path;
 use steady::{ErrorCauses, SteadyPair};
 use transient::{Blocks, settling};
 
@@ -43,6 +45,22 @@ pub enum OnMismatch {
     Warn,
     /// Compare them without a warning: the user named the other robot or closure.
     Accept,
+}
+
+impl OnMismatch {
+    /// Returns the warning about two logs or sessions that are shown together despite this difference, if there is one.
+    ///
+    /// # Errors
+    /// [`TwinError::Incomparable`] if they must not be.
+    pub fn warning(self, difference: Option<String>, paths: [&Path; 2]) -> Result<Option<String>, TwinError> {
+        match (self, difference) {
+            (Self::Reject, Some(reason)) => {
+                Err(TwinError::incomparable(paths, reason, "compare them anyway with --anyway"))
+            }
+            (Self::Warn, difference) => Ok(difference),
+            _ => Ok(None),
+        }
+    }
 }
 
 /// A comparison, with the data shown on the page.
@@ -70,15 +88,11 @@ impl Compared {
 /// run.
 pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, TwinError> {
     let pair = Pair::new(a, b)?;
-    let mut warnings = Vec::new();
-    if let Some(reason) = difference(a, b)? {
-        match on_mismatch {
-            OnMismatch::Reject => return Err(incomparable(a, b, reason, "compare them anyway with --anyway")),
-            OnMismatch::Warn => warnings.push(reason),
-            OnMismatch::Accept => {}
-        }
-    }
-    let apart = || incomparable(a, b, "their runs do not overlap".to_owned(), "name logs whose runs overlap");
+    let mut warnings = Vec::from_iter(on_mismatch.warning(difference(a, b)?, [&a.path, &b.path])?);
+    let apart = || {
+        let reason = "their runs do not overlap".to_owned();
+        TwinError::incomparable([&a.path, &b.path], reason, "name logs whose runs overlap")
+    };
     let mut aligned = Aligned::new(&pair).ok_or_else(apart)?;
     if let Some([one, other]) = aligned.lengths_s {
         let common_s = aligned.common_s;
@@ -94,10 +108,6 @@ pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, 
     let points = points(&pair.measured, &aligned);
     let comparison = result(&pair, &aligned, &steady, warnings);
     Ok(Compared { comparison, points, measured: pair.measured.zeroed })
-}
-
-fn incomparable(a: &Data, b: &Data, reason: String, help: &'static str) -> TwinError {
-    TwinError::Incomparable { measured: a.path.clone(), modelled: b.path.clone(), reason, help }
 }
 
 /// Collects the result of a comparison.

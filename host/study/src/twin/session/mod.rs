@@ -66,12 +66,8 @@ impl Pairs {
             }
         }
         if pairs.is_empty() {
-            return Err(TwinError::Incomparable {
-                measured: a.to_owned(),
-                modelled: b.to_owned(),
-                reason: "they have no common trials".to_owned(),
-                help: "name sessions with trials at the same speeds",
-            });
+            let reason = "they have no common trials".to_owned();
+            return Err(TwinError::incomparable([a, b], reason, "name sessions with trials at the same speeds"));
         }
         Ok(Self { paths, pairs, skipped, left_out })
     }
