@@ -149,7 +149,8 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
 }
 
 fn describe(comparison: &SessionComparison) -> String {
-    let mut text = format!("{} against {}\n", comparison.measured.display(), comparison.modelled.display());
+    let headline = comparison.headline();
+    let mut text = format!("{headline}\n{} against {}\n", comparison.measured.display(), comparison.modelled.display());
     for trial in &comparison.trials {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", line(trial));

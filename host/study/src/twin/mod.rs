@@ -8,6 +8,7 @@
 pub mod calibrate;
 mod compare;
 mod error;
+mod headline;
 mod replay;
 mod replay_folder;
 mod sensor_key;

@@ -3,6 +3,7 @@
 use super::sides::Sides;
 use crate::statistics;
 use crate::trial::{AngleTerm, LogFinding};
+use crate::twin::headline::headline;
 use crate::twin::sensor_key::SensorKey;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -79,6 +80,11 @@ impl Comparison {
         self.angles().map(|angle| angle.modelled_deg)
     }
 
+    /// Returns the result in one plain sentence; the verdict has the numbers of the test.
+    pub fn headline(&self) -> String {
+        headline(std::slice::from_ref(self), &[], None)
+    }
+
     /// Returns whether neither steady angles nor transients differ.
     pub fn agrees(&self) -> bool {
         self.differences.is_empty() && self.transients_agree()
@@ -141,7 +147,7 @@ impl AngleComparison {
     }
 
     /// Returns the steady error if it exceeds its uncertainty.
-    pub(super) fn difference(&self) -> Option<Difference> {
+    pub(in crate::twin) fn difference(&self) -> Option<Difference> {
         let allowed_deg = self.uncertainty?.total_deg.max(ROUNDING_DEG);
         let Self { angle, error_deg, model_error_deg, .. } = *self;
         (error_deg.abs() > allowed_deg).then_some(Difference { angle, error_deg, allowed_deg, model_error_deg })

@@ -1,5 +1,6 @@
 //! The kinds of two compared trials, and their names in texts.
 
+use super::Comparison;
 use crate::trial::Data;
 use serde::Serialize;
 
@@ -34,6 +35,14 @@ impl Sides {
             Self::MeasurementAndModel | Self::ModelAndMeasurement => "model and measurement",
             Self::Recordings => "the two recordings",
             Self::Models => "the two models",
+        }
+    }
+
+    /// Returns the subject of a sentence about several trials, which only differ in kind if the user has added logs.
+    pub fn of_all(trials: &[Comparison]) -> &'static str {
+        match trials.split_first() {
+            Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
+            _ => "both sides",
         }
     }
 

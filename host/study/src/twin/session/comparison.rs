@@ -2,6 +2,7 @@
 
 use crate::trial::LogFinding;
 use crate::twin::Comparison;
+use crate::twin::headline::headline;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -41,6 +42,11 @@ impl SessionComparison {
     pub fn is_sound(&self) -> bool {
         let warned = self.trials.iter().any(|trial| !trial.warnings.is_empty());
         self.skipped.is_empty() && !warned && !self.findings.iter().any(|of_log| of_log.finding.grave)
+    }
+
+    /// Returns the result in one plain sentence; the verdict has the numbers of the test.
+    pub fn headline(&self) -> String {
+        headline(&self.trials, &self.angles, self.chance.as_ref())
     }
 
     /// Returns whether no trial differs, and neither do all trials together.

@@ -2,7 +2,7 @@
 
 use super::comparison::{Chance, SessionAngle};
 use crate::text::{capitalised, count, listed};
-use crate::twin::{Comparison, Unjudged};
+use crate::twin::{Comparison, Sides, Unjudged};
 
 const ANGLES: [&str; 3] = ["yaw", "pitch", "roll"];
 
@@ -34,14 +34,6 @@ fn unknown_angles(trials: &[Comparison]) -> Vec<&'static str> {
     (0..ANGLES.len()).filter(is_unknown).map(|k| ANGLES[k]).collect()
 }
 
-/// Returns the subject of the sentence. The trials of a session only differ in kind if the user has added logs.
-fn sides(trials: &[Comparison]) -> &'static str {
-    match trials.split_first() {
-        Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
-        _ => "both sides",
-    }
-}
-
 fn differing(trials: &[Comparison]) -> String {
     let all = count(trials.len(), "trial");
     let steady = trials.iter().filter(|trial| !trial.differences.is_empty()).count();
@@ -59,7 +51,7 @@ fn differing(trials: &[Comparison]) -> String {
         let unjudged: String = Unjudged::ALL.into_iter().filter_map(unjudged).collect();
         let steady = format!("the steady states agree in {number}{smallest}");
         return match transient {
-            0 if unjudged.is_empty() => format!("{} agree in {number}{smallest}", sides(trials)),
+            0 if unjudged.is_empty() => format!("{} agree in {number}{smallest}", Sides::of_all(trials)),
             0 => format!("{steady}{unjudged}"),
             _ => format!("{steady}; the transients differ in {transient} of {all}"),
         };
@@ -130,7 +122,7 @@ fn by_chance(chance: &Chance) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::twin::{AngleComparison, Difference, Sides, Transient, Uncertainty};
+    use crate::twin::{AngleComparison, Difference, Transient, Uncertainty};
 
     fn trial(total_deg: f64) -> Comparison {
         let angle = |angle: &'static str| AngleComparison {
