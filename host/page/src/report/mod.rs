@@ -11,7 +11,6 @@ mod document;
 mod errors;
 mod facts;
 mod heat_map;
-mod hero;
 mod live_page;
 mod parameters;
 mod repeats;
@@ -19,7 +18,6 @@ mod ribbon;
 mod rows;
 mod session_page;
 pub(crate) mod shapes;
-mod small_multiples;
 mod stage;
 mod sweep_page;
 mod sweep_plan;
@@ -28,7 +26,6 @@ mod text;
 mod trial_section;
 mod view;
 mod warnings;
-mod yaw_curve;
 
 pub use budget::ByteBudget;
 pub use live_page::{live_maps, live_page};
@@ -184,10 +181,10 @@ pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
 fn page_of_log(view: &View) -> Markup {
     let id = rows::anchor(0);
     let body = html! {
-        main { (trial_section::section(view, &id, false)) }
+        main { (trial_section::section(view, &id, None)) }
         (footer(view))
     };
-    document::page(&trial_section::title(view), "one", &body, &data(view, &id))
+    document::page(&trial_section::title(view), "one", &body, &data(view, &id, None))
 }
 
 fn of_session(
@@ -241,11 +238,25 @@ fn of_session(
                 p.meta.paper-only { "Only the trial that is open on the screen is printed below." }
             }
         }
-        main { @if budget.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
+        main {}
         aside { (of_session.rest()) }
         @if let Some((_, view)) = shown().next() { (footer(view)) }
     };
-    let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
+    let headline = comparison.map(SessionComparison::headline).unwrap_or_default();
+    let mut benches: Vec<String> = Vec::new();
+    let with_section = |(id, view): (String, &View)| {
+        let bench = trial_section::bench(view).0;
+        if !benches.contains(&bench) {
+            benches.push(bench.clone());
+        }
+        let number = benches.iter().position(|other| *other == bench).unwrap_or_default();
+        data(view, &id, Some((&headline, number)))
+    };
+    let with_sections: Vec<Markup> = shown().map(with_section).collect();
+    let all_data = html! {
+        script type="application/json" id="benches" { (PreEscaped(text::json_for_script(&benches.into()))) }
+        @for data in with_sections { (data) }
+    };
     let prints_all = if shown().count() <= MAX_PRINTED { " print-all" } else { "" };
     let opens_first = if of_session.opens_first() { " opens-first" } else { "" };
     let kind = format!("session{prints_all}{opens_first}");
@@ -270,10 +281,19 @@ fn view(log: &Attempt, budget: ByteBudget) -> Result<View, LogError> {
     Ok(View::new(&log.read(want(budget))?, None, budget))
 }
 
-fn data(view: &View, id: &str) -> Markup {
+/// Returns the data of a trial. Those of a session have their section as text: a browser needs longer for the elements of many
+/// trials than for all the rest, and the reader opens few of them.
+fn data(view: &View, id: &str, session: Option<(&str, usize)>) -> Markup {
+    if view.data.is_null() {
+        return html! {};
+    }
+    let mut data = view.data.clone();
+    if session.is_some() {
+        data["section"] = trial_section::section(view, id, session).0.into();
+    }
     html! {
-        @if !view.data.is_null() {
-            script type="application/json" id=(trial_section::data_id(id)) { (PreEscaped(text::json_for_script(&view.data))) }
+        script type="application/json" id=(trial_section::data_id(id)) data-trial=[session.map(|_| id)] {
+            (PreEscaped(text::json_for_script(&data)))
         }
     }
 }

@@ -2,18 +2,17 @@
 
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
-use super::hero;
 use super::repeats;
 use super::rows::{Row, RowState, anchor, verdict};
-use super::small_multiples;
 use super::text::{clip, count, number, plain};
-use super::trial_section::{answer, notices, tile, warnings};
+use super::trial_section::{answer, notices, test, tile, warnings};
 use super::view::{ModelRobot, View};
 use biflag_log::LinkStats;
 use maud::{Markup, html};
 use std::path::Path;
 use study::plan::Plan;
-use study::text::word;
+use study::run::model::note_on_phases;
+use study::text::{capitalised, word};
 use study::trial::{AtSpeeds, mean_of_repeats, scatter_of_repeats};
 use study::twin::SessionComparison;
 
@@ -59,32 +58,24 @@ impl Session<'_> {
             }
             @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
             @if let Some(comparison) = comparison {
-                (answer(&comparison.verdict, comparison.agrees()))
+                (answer(&comparison.headline(), comparison.agrees()))
+                // That of a single trial is below.
+                @if comparison.trials.len() > 1 { (test(&comparison.verdict)) }
             }
             @if !self.opens_first() {
-                // The map of the yaw is beside the robot. Two maps, of both sides of a comparison, stay together below.
-                @let mut maps = maps(rows);
-                @let beside = if comparison.is_none() && !maps.is_empty() { Some(maps.remove(0)) } else { None };
                 h2.unseen { "The session" }
-                div.front {
-                    (hero::figure(rows))
-                    div {
-                        (self.summary())
-                        @if let Some(map) = beside { div.maps { (map) } }
-                    }
-                }
-                (self.distribution(&maps))
+                (self.summary())
+                (self.distribution())
                 (self.trials())
             }
         }
     }
 
-    /// Returns all trials, in pictures and in numbers. On paper it comes first: `page.js` moves it there.
+    /// Returns the table of all trials. On paper it comes before the trials: `page.js` moves it there.
     fn trials(&self) -> Markup {
         html! {
             section.overview aria-labelledby="trials" {
                 h2 #trials { "Trials" }
-                (small_multiples::section(self.rows, self.comparison))
                 (table(self.rows, self.comparison, self.has_charts))
             }
         }
@@ -93,14 +84,18 @@ impl Session<'_> {
     /// Returns what is below the open trial: table and results of a session of few trials, and files and parameters.
     pub fn rest(&self) -> Markup {
         html! {
-            @if self.opens_first() { (self.trials()) h2 { "The session" } (self.summary()) (self.distribution(&maps(self.rows))) }
+            @if self.opens_first() { (self.trials()) h2 { "The session" } (self.summary()) (self.distribution()) }
             @if let Some(view) = self.views().first() { (files(view)) }
         }
     }
 
     /// Returns the session in a few numbers, its problems, and remarks.
     fn summary(&self) -> Markup {
-        let (problems, remarks) = notes(self.rows, self.comparison, self.has_charts);
+        let (problems, mut remarks) = notes(self.rows, self.comparison, self.has_charts);
+        if self.comparison.is_none() && self.views().iter().all(|view| view.is_model()) {
+            let note = note_on_phases(&self.plan.trials, std::iter::empty());
+            remarks.extend(note.map(|note| format!("{}.", capitalised(&note))));
+        }
         html! {
             (tiles(&self.views(), self.rows.len(), self.comparison))
             (warnings(problems.iter().map(String::as_str)))
@@ -109,12 +104,12 @@ impl Session<'_> {
     }
 
     /// Returns these maps over the speeds, and the scatter of repeats.
-    fn distribution(&self, maps: &[Markup]) -> Markup {
-        let views = self.views();
+    fn distribution(&self) -> Markup {
+        let (views, maps) = (self.views(), maps(self.rows));
         html! {
             @if !maps.is_empty() {
                 h2 { "Steady attitude over both speeds" }
-                div.maps { @for map in maps { (map) } }
+                div.maps { @for map in &maps { (map) } }
             }
             (repeats::section(&scatter_of_repeats(views.iter().filter_map(|view| view.repeat.as_ref()))))
         }
@@ -249,7 +244,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     };
     let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
     html! {
-        div.scroll tabindex="0" role="region" aria-label="Table of the trials" {
+        div.scroll.long[rows.len() > OPENS_FIRST] tabindex="0" role="region" aria-label="Table of the trials" {
             table.trials {
                 thead { tr {
                     th scope="col" { button type="button" { "Trial" } }

@@ -121,11 +121,14 @@ impl<const N: usize> Fitted<N> {
     }
 }
 
-/// Values for the page in 16 bits each: `from + step` times the number, 65535 for none.
+/// Values for the page in 16 bits each: `from + step` times the number, 65535 for none. Equal values need none.
 pub(super) fn quantised(values: &[f64]) -> Value {
     const LEVELS: f64 = 65_534.0;
     let finite = values.iter().copied().filter(|value| value.is_finite());
     let (least, most) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+    if most == least && values.iter().all(|value| value.is_finite()) {
+        return json!({ "from": least, "step": 0.0, "count": values.len() });
+    }
     let from = if least.is_finite() { least } else { 0.0 };
     let step = if most > least { (most - least) / LEVELS } else { 1.0 };
     let number = |value: &f64| if value.is_finite() { ((value - from) / step).round() as u16 } else { u16::MAX };
@@ -173,6 +176,9 @@ mod tests {
 
     /// Decodes [`quantised`] as the page's script does.
     fn read(value: &Value) -> Vec<f64> {
+        if let Some(count) = value["count"].as_u64() {
+            return vec![value["from"].as_f64().unwrap(); count as usize];
+        }
         let data = BASE64_STANDARD.decode(value["u16"].as_str().unwrap()).unwrap();
         let (from, step) = (value["from"].as_f64().unwrap(), value["step"].as_f64().unwrap());
         let number = |pair: &[u8; 2]| match u16::from_le_bytes(*pair) {

@@ -188,7 +188,9 @@ fn a_session_lists_its_trials_and_those_without_a_log() {
     assert_eq!(written.trials, 1);
     let page = std::fs::read_to_string(written.html).unwrap();
     assert!(
-        page.contains("href=\"#trial-1\"") && page.contains("id=\"trial-1\"") && !page.contains("href=\"#trial-2\"")
+        page.contains("href=\"#trial-1\"")
+            && page.contains("data-trial=\"trial-1\"")
+            && !page.contains("href=\"#trial-2\"")
     );
     assert_eq!(page.matches("no log yet").count(), 2);
     assert!(page.contains("No log yet: 2 of 3 trials."));
@@ -208,6 +210,9 @@ fn numbers(packed: &serde_json::Value) -> Vec<f64> {
         return decode(&packed["f32"]).as_chunks().0.iter().map(|four| f32::from_le_bytes(*four).into()).collect();
     }
     let (from, step) = (packed["from"].as_f64().unwrap(), packed["step"].as_f64().unwrap());
+    if let Some(count) = packed["count"].as_u64() {
+        return vec![from; count as usize];
+    }
     decode(&packed["u16"]).as_chunks().0.iter().map(|two| from + step * f64::from(u16::from_le_bytes(*two))).collect()
 }
 
@@ -292,9 +297,6 @@ fn sessions_of_scattered_speeds_have_maps() {
             .unwrap();
         let maps: Vec<&str> =
             page.split("<svg viewBox").skip(1).map(|map| map.split("</svg>").next().unwrap()).collect();
-        let (maps, multiples): (Vec<&str>, Vec<&str>) =
-            maps.into_iter().partition(|svg| svg.contains("role=\"group\""));
-        assert_eq!(multiples.len(), plan.trials.len(), "{name}: a small picture of each trial");
         assert_eq!(maps.len(), if marks.is_empty() { 0 } else { 4 }, "{name}");
         for map in maps {
             let linked = map.split("<a href=\"#trial-").skip(1).filter(|link| link.contains(marks)).count();

@@ -19,12 +19,17 @@ pub(super) fn data_id(id: &str) -> String {
     format!("{id}-data")
 }
 
-/// Returns the section of a trial with the anchor `id`. With `shared`, the section leaves out what all trials of a
-/// session have in common.
-pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
-    let has_data = !view.data.is_null();
+/// Returns the view of the robot and the charts, whose data come from the page's script.
+pub(super) fn bench(view: &View) -> Markup {
+    html! { (stage(view)) div.charts { (charts(view)) } }
+}
+
+/// Returns the section of a trial with the anchor `id`. On the page of a session, it leaves out what all trials have in
+/// common, the session's own sentence about its comparison, and the [`bench`], of which it has the number.
+pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> Markup {
+    let (has_data, shared) = (!view.data.is_null(), session.is_some());
     html! {
-        section.trial id=(id) data-data=[has_data.then(|| data_id(id))] hidden[shared] aria-labelledby={ (id) "-title" } {
+        section.trial id=(id) data-data=[has_data.then(|| data_id(id))] aria-labelledby={ (id) "-title" } {
             @if shared {
                 nav.tools aria-label="Trials" {
                     button.previous type="button" { "← Previous" }
@@ -36,17 +41,18 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                 h1 id={ (id) "-title" } { (title(view)) }
             }
             (about(view, shared))
-            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.agrees())) }
+            @if let Some(comparison) = &view.comparison {
+                @let headline = comparison.headline();
+                @if session.is_none_or(|(said, _)| said != headline) { (answer(&headline, comparison.agrees())) }
+                (test(&comparison.verdict))
+            }
             @let texts = |is_grave: bool| view.warnings.iter().filter(move |warning| warning.is_grave == is_grave).map(|warning| warning.text.as_str());
             (warnings(texts(true)))
             @if has_data {
-                div.bench {
-                    (stage(view))
-                    div.charts {
-                        // Below the title of a page, the charts are a part of their own.
-                        @if !shared { h2.unseen { "Over time" } }
-                        (charts(view))
-                    }
+                @match session {
+                    Some((_, number)) => { div.bench data-bench=(number) {} }
+                    // Below the title of a page, the view and the charts are a part of their own.
+                    None => { div.bench { h2.unseen { "Over time" } (bench(view)) } }
                 }
             }
             (tiles(view))
@@ -132,11 +138,19 @@ fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
     }
 }
 
-/// The verdict of a comparison as a sentence; empty without a verdict.
-pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
-    html! {
-        @if !verdict.is_empty() { p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{verdict}.").replace(" -", " −"), 1_000)) } }
-    }
+/// The result of a comparison in one plain sentence.
+pub(super) fn answer(headline: &str, agrees: bool) -> Markup {
+    html! { p.answer.agrees[agrees].differs[!agrees] { (minus(headline)) } }
+}
+
+/// The statistical test behind it.
+pub(super) fn test(verdict: &str) -> Markup {
+    html! { @if !verdict.is_empty() { p.test { (clip(&minus(&format!("{verdict}.")), 1_000)) } } }
+}
+
+/// Text with proper minus signs.
+fn minus(text: &str) -> String {
+    text.replace(" -", " −").replace("(-", "(−")
 }
 
 fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {

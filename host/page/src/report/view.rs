@@ -6,7 +6,6 @@
 use super::budget::ByteBudget;
 use super::curves::Curves;
 use super::warnings::{Warning, warnings};
-use super::yaw_curve;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
@@ -76,8 +75,6 @@ pub struct View {
     pub(super) borrowed_shapes: bool,
     pub(super) borrowed_forces: bool,
     pub(super) has_truth: bool,
-    /// The yaw over the run, for a small picture.
-    pub(super) curve: Vec<[f64; 3]>,
     /// Whether the trial ended as planned and its log is intact.
     pub(super) is_complete: bool,
     /// The data of the page's script; `null` if the page has no room for it.
@@ -109,7 +106,6 @@ impl View {
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
             borrowed_forces: data.forces.is_empty() && other.is_some_and(|other| !other.forces.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
-            curve: yaw_curve::curve(data, &zeroed, compared.map(|(compared, _)| compared)),
             is_complete: data.is_complete(),
             data: Value::Null,
             records: data.records.clone(),

@@ -14,8 +14,8 @@ biflag.Address = class {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
       // The address may name another trial that is about to open.
-      const next = document.getElementById(this.section());
-      if (trial.section.hidden || (next !== trial.section && next?.matches("section.trial"))) return;
+      const next = this.section();
+      if (trial.section.hidden || (next !== trial.id && document.getElementById(`${next}-data`))) return;
       const { view, shown } = trial.scene;
       const short = (numbers) => numbers.map((number) => Number(number.toFixed(3))).join(",");
       const parts = { t: short([trial.time]) };

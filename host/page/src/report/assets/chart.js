@@ -49,7 +49,7 @@ biflag.Chart = class {
     }
     const axis = {
       stroke: biflag.colour("soft"),
-      font: "12px " + biflag.colour("font"),
+      font: (this.isOnPaper ? "9px " : "12px ") + biflag.colour("font"),
       grid: { stroke: biflag.colour("grid"), width: 1 },
       ticks: { show: false },
     };
@@ -241,7 +241,7 @@ biflag.Chart = class {
   marks(u) {
     const { ctx, bbox } = u;
     ctx.save();
-    ctx.font = `${12 * devicePixelRatio}px ${biflag.colour("font")}`;
+    ctx.font = `${(this.isOnPaper ? 9 : 12) * devicePixelRatio}px ${biflag.colour("font")}`;
     ctx.textAlign = "center";
     for (const [time, kind] of this.trial.data.marks) {
       const x = u.valToPos(time, "x", true);

@@ -3,70 +3,74 @@
 
 {
   const trials = new Map();
+  const main = document.querySelector("main");
   // `page.html?embed` shows the moving robot alone, as for a frame of a website.
   if (new URLSearchParams(location.search).has("embed")) {
     document.documentElement.classList.add("embed");
     document.body.classList.add("opens-first");
+    main.prepend(Object.assign(document.createElement("h1"), { className: "unseen", textContent: document.title }));
   }
-  const sections = [...document.querySelectorAll("section.trial[data-data]")];
   const isSession = document.body.classList.contains("session");
-
-  const picture = document.querySelector("figure.hero");
-  const hero = picture && new biflag.Player(picture);
+  const names = [...document.querySelectorAll(isSession ? "script[data-trial]" : "section.trial[data-data]")].map((one) => one.dataset.trial ?? one.id);
+  /** The section of a trial. In a session it becomes elements when it is asked for: those of all trials take long to build. */
+  const sectionOf = (name) => {
+    if (!names.includes(name)) return undefined;
+    const there = document.getElementById(name);
+    if (there) return there;
+    main.insertAdjacentHTML("beforeend", JSON.parse(document.getElementById(`${name}-data`).textContent).section);
+    const section = main.lastElementChild;
+    const bench = section.querySelector(".bench");
+    bench.innerHTML = JSON.parse(document.getElementById("benches").textContent)[bench.dataset.bench];
+    for (const [step, selector] of [[-1, ".previous"], [1, ".next"]]) {
+      const [button, other] = [section.querySelector(selector), names[names.indexOf(name) + step]];
+      button.disabled = !other;
+      button.addEventListener("click", () => (location.hash = other));
+    }
+    return section;
+  };
+  const sections = () => [...main.querySelectorAll("section.trial[data-data]")];
 
   const open = (section) => {
     if (!section) return;
-    if (hero?.playing) hero.toggle();
-    for (const other of sections) other.hidden = isSession && other !== section;
+    for (const other of sections()) other.hidden = isSession && other !== section;
     for (const [other, trial] of trials) if (other !== section && trial.playing) trial.toggle();
     if (trials.has(section)) trials.get(section).resize();
     else trials.set(section, new biflag.Trial(section));
     for (const row of document.querySelectorAll("tr[data-trial]")) row.classList.toggle("open", row.dataset.trial === section.id);
   };
 
-  for (const [step, selector] of [[-1, ".previous"], [1, ".next"]]) {
-    sections.forEach((section, i) => {
-      const button = section.querySelector(selector);
-      const other = sections[i + step];
-      if (!button) return;
-      button.disabled = !other;
-      button.addEventListener("click", () => (location.hash = other.id));
-    });
-  }
-
   const follow = () => {
-    const section = sections.find((other) => other.id === biflag.Address.section());
-    open(section ?? (document.body.classList.contains("opens-first") ? sections[0] : undefined));
+    const section = sectionOf(biflag.Address.section());
+    open(section ?? (document.body.classList.contains("opens-first") ? sectionOf(names[0]) : undefined));
     section?.scrollIntoView();
   };
   if (isSession) {
     addEventListener("hashchange", follow);
     follow();
   } else {
-    open(sections[0]);
+    open(sectionOf(names[0]));
   }
 
-  const repaint = () => [...trials.values(), hero].forEach((player) => player?.repaint());
-  if (hero) new ResizeObserver(() => hero.repaint()).observe(picture);
+  const repaint = () => trials.forEach((trial) => trial.repaint());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   const printsAll = document.body.classList.contains("print-all");
-  /** What to restore after printing: hidden sections, and the place of the table. */
+  /** What to restore after printing: hidden sections, and the place of what is about all trials. */
   let restore = [];
   const paper = (on) => {
     document.documentElement.classList.toggle("paper", on);
     restore.forEach((undo) => undo());
     restore = [];
     if (on) {
-      // Printed, the results of all trials come before the first trial.
-      const overview = document.querySelector("body > aside > .overview");
-      if (overview) {
-        document.querySelector("body > header").append(overview);
-        restore.push(() => document.querySelector("body > aside").prepend(overview));
-      }
-      for (const player of [...trials.values(), hero]) if (player?.playing) player.toggle();
-      for (const section of printsAll ? sections.filter((section) => section.hidden) : []) {
+      // Printed, what is about all trials comes before the first trial.
+      const rest = names.length > 1 ? document.querySelectorAll("body > aside, body > footer") : [];
+      main.before(...rest);
+      restore.push(() => main.after(...rest));
+      for (const trial of trials.values()) if (trial.playing) trial.toggle();
+      const opened = sections().find((section) => !section.hidden);
+      for (const section of printsAll ? names.map(sectionOf) : []) {
+        main.append(section);
         section.hidden = false;
-        restore.push(() => (section.hidden = true));
+        if (section !== opened) restore.push(() => (section.hidden = true));
         if (!trials.has(section)) trials.set(section, new biflag.Trial(section));
       }
     }
@@ -91,7 +95,7 @@
     });
   }
   // The robot moves, unless the address names a moment or the reader wants no motion.
-  const shown = trials.get(sections.find((section) => !section.hidden)) ?? hero;
+  const shown = trials.get(sections().find((section) => !section.hidden));
   if (shown && !location.hash && !matchMedia("(prefers-reduced-motion: reduce)").matches) shown.begin();
   document.documentElement.dataset.ready = "yes";
 }
