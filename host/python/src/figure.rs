@@ -37,7 +37,7 @@ pub fn draw(
         "forces" | "contact" => &["number", "time"],
         "strip" => &["number", "time", "moments"],
         "lines" => &["value", "over", "by", "at"],
-        "map" => &["against", "at"],
+        "map" => &["against", "anyway", "at"],
         "scatter" => &["against", "anyway"],
         "fit" => &[],
         _ => return wrong("subject", format!("\"{subject}\" is none; `biflag figure --help` lists them")),
@@ -78,7 +78,7 @@ pub fn draw(
                 let (value, over) = (value.as_deref().unwrap_or("yaw_deg"), over.as_deref().unwrap_or("w1_rpm"));
                 figure::lines(path, Lines { value, over, by: by.as_deref(), at: &at }, width_mm)
             }
-            "map" => figure::map(path, against, &at, width_mm),
+            "map" => figure::map(path, against, anyway, &at, width_mm),
             "fit" => figure::fit(&paths, width_mm),
             _ => figure::scatter(path, against.unwrap_or(path), anyway, width_mm),
         };

@@ -199,6 +199,12 @@ fn on_mismatch(anyway: bool) -> OnMismatch {
     if anyway { OnMismatch::Warn } else { OnMismatch::Reject }
 }
 
+/// The same for two sessions: replays with another robot were asked for.
+fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, FigureError> {
+    let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
+    Ok(if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) })
+}
+
 /// A figure that was drawn.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -225,12 +231,6 @@ impl Figure {
         let content = self.content(Format::of(path)?)?;
         Ok(replace(path, |file| file.write_all(&content))?)
     }
-}
-
-/// The same for two sessions: replays with another robot were asked for.
-fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, FigureError> {
-    let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
-    Ok(if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) })
 }
 
 /// What is to be said about a figure.
