@@ -245,7 +245,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["fit", "thick.toml", "-o", "x.svg"][..], "has no fit"),
         (&["trial", a, "-o", "figure.jpg"], "a figure ends with .svg, .pdf or .png"),
         (&["trial", a, "--time", "3,1", "-o", "x.svg"], "the earlier one first"),
-        (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "between 60 and 400 mm"),
+        (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "give millimetres, 60 to 400"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
         (&["forces", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
         (&["contact", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),

@@ -210,11 +210,7 @@ fn errors_in_the_trial_table_have_line_and_help() {
             "4:11: after = NaN is not within the run of 120 s",
             "give seconds between 0 and 120",
         ),
-        (
-            "reverse = { motor = 1, afters = 1 }",
-            "4:24: unknown key `afters`",
-            "write `motor` or `after`, or leave it out",
-        ),
+        ("reverse = { motor = 1, afters = 1 }", "4:24: unknown key `afters`", "did you mean after?"),
     ] {
         let text = format!("[speeds]\npairs = [[50, 10]]\n[trial]\n{line}\n");
         expect(parse(&text).expect_err(line), &format!("plan.toml:{message}"), help);
@@ -312,11 +308,7 @@ fn errors_in_the_session_and_board_tables_have_line_and_help() {
             "give true or false for motors 1 and 2, such as [false, true]",
         ),
         ("[[trial]]\nrun = 5", "3:1: trial cannot be [[trial]]", "write it as a table: [trial]"),
-        (
-            "[trials]",
-            "3:2: unknown key `trials`",
-            "write one of `session`, `trial`, `speeds`, `board`, or leave it out",
-        ),
+        ("[trials]", "3:2: unknown key `trials`", "did you mean trial?"),
     ] {
         let text = format!("[speeds]\npairs = [[50, 10]]\n{lines}\n");
         expect(parse(&text).expect_err(lines), &format!("plan.toml:{message}"), help);

@@ -1,4 +1,4 @@
-//! Suggests a file for a mistyped path.
+//! Suggests a file for a mistyped path, and a name for a mistyped one.
 
 use std::path::{Path, PathBuf};
 
@@ -24,9 +24,15 @@ pub fn most_alike<T: AsRef<str> + Ord>(typed: &str, names: impl IntoIterator<Ite
     likely.max_by(|(a, one), (b, other)| a.total_cmp(b).then_with(|| other.cmp(one))).map(|(_, name)| name)
 }
 
-/// Returns a help text that suggests a similar file, or else `otherwise`.
+/// Returns a help text that suggests the most similar name, or else `otherwise`.
+pub fn suggest<T: AsRef<str> + Ord>(typed: &str, names: impl IntoIterator<Item = T>, otherwise: &str) -> String {
+    most_alike(typed, names).map_or_else(|| otherwise.to_owned(), |name| format!("did you mean {}?", name.as_ref()))
+}
+
+/// Returns a help text that suggests a similar file for one that does not exist, or else `otherwise`.
 pub fn did_you_mean(path: &Path, otherwise: &str) -> String {
-    similar(path).map_or_else(|| otherwise.to_owned(), |found| format!("did you mean {}?", found.display()))
+    let found = similar(path).filter(|_| !path.exists());
+    found.map_or_else(|| otherwise.to_owned(), |found| format!("did you mean {}?", found.display()))
 }
 
 #[cfg(test)]

@@ -5,7 +5,8 @@
 
 use crate::colour;
 use crate::signals::{INTERRUPTED, is_interrupted};
-use crate::text::{json_without, printable};
+use crate::text::{decimal_point, json_without, printable, quoted};
+use clap::error::{ContextKind, ContextValue};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -83,7 +84,8 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
 }
 
 /// Prints the help, or why the command line is wrong, and returns the exit code.
-pub(super) fn not_parsed(error: &clap::Error, json: bool) -> ExitCode {
+pub(super) fn not_parsed(error: clap::Error, json: bool) -> ExitCode {
+    let error = with_hint(error);
     // 2 on wrong use, and 0 after --help and --version.
     let code = if error.use_stderr() { 2 } else { 0 };
     let printed = error.print();
@@ -92,6 +94,20 @@ pub(super) fn not_parsed(error: &clap::Error, json: bool) -> ExitCode {
     }
     let body = || serde_json::json!({ "error": error.render().to_string().trim(), "help": null });
     print(&if json { escaped(&body()) } else { String::new() }, code)
+}
+
+/// Adds the hint of a common mistake: a decimal comma, or a plan after `biflag plan`.
+pub(super) fn with_hint(mut error: clap::Error) -> clap::Error {
+    let text = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
+    let command = text(ContextKind::InvalidSubcommand);
+    let hint = match decimal_point(&text(ContextKind::InvalidValue)) {
+        // A comma also separates two values: `--speeds <W1,W2>`.
+        Some(number) if !text(ContextKind::InvalidArg).contains(',') => format!("write a decimal point: {number}"),
+        _ if command.ends_with(".toml") => format!("`biflag plan check {}` checks a plan", quoted(&command)),
+        _ => return error,
+    };
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
+    error
 }
 
 /// Prints the output on stdout, unless there is none, and returns the exit code.

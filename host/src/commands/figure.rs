@@ -1,7 +1,7 @@
 //! `biflag figure`: writes figures for a paper.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::span;
+use super::options::{span, within};
 use super::{Answer, Outcome};
 use crate::colour;
 use crate::figure::{self, COLUMN_MM, Format, MOMENTS, WIDTHS_MM};
@@ -160,7 +160,7 @@ struct Paper {
     #[arg(short, long = "out", alias = "output", value_name = "FILE", value_parser = PathBufValueParser::new().try_map(|file| Format::of(&file).map(|_| file)))]
     output: PathBuf,
     /// Printed width.
-    #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = width)]
+    #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = within("millimetres", WIDTHS_MM))]
     width_mm: f64,
 }
 
@@ -168,11 +168,6 @@ fn fixed(text: &str) -> Result<(String, f64), String> {
     let form = || "give a column and its value, such as w2_rpm=10".to_owned();
     let (name, value) = text.split_once('=').ok_or_else(form)?;
     Ok((name.to_owned(), value.parse().map_err(|_| form())?))
-}
-
-fn width(text: &str) -> Result<f64, String> {
-    let width: f64 = text.parse().map_err(|_| "give millimetres as a number, such as 88".to_owned())?;
-    if WIDTHS_MM.contains(&width) { Ok(width) } else { Err("must be between 60 and 400 mm".to_owned()) }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

@@ -1,7 +1,7 @@
 //! `biflag film`: the moving robot as an animated image or a video.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::span;
+use super::options::{span, within};
 use super::{Answer, Outcome};
 use crate::film::{self, Options};
 use crate::progress::Progress;
@@ -25,18 +25,11 @@ pub struct Args {
     #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
     time: Option<[f64; 2]>,
     /// Seconds of the trial in a second of the film.
-    #[arg(long, value_name = "FACTOR", default_value = "4", value_parser = speed)]
+    #[arg(long, value_name = "FACTOR", default_value = "4", value_parser = within("a factor", 0.05..=100.0))]
     speed: f64,
     /// Width in pixels.
     #[arg(long, value_name = "PX", default_value = "360", value_parser = clap::value_parser!(u16).range(120..=1200))]
     width: u16,
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(speed) if (0.05..=100.0).contains(&speed) => Ok(speed),
-        _ => Err("give a factor from 0.05 to 100".to_owned()),
-    }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

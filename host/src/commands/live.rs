@@ -1,5 +1,6 @@
 //! `biflag live`: serves a log or the stream of a board to Foxglove.
 
+use super::options::within;
 use super::{Answer, Outcome};
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
@@ -30,16 +31,11 @@ pub struct Args {
     #[arg(long)]
     port: Option<String>,
     /// Playback speed relative to real time.
-    #[arg(long, value_name = "F", default_value = "1", value_parser = speed, requires = "log")]
+    #[arg(long, value_name = "F", default_value = "1", value_parser = within("a factor", 0.01..=1000.0), requires = "log")]
     speed: f64,
     /// The address that viewers connect to. Anyone who can reach it can watch.
     #[arg(long, value_name = "ADDR:PORT", default_value = live::ADDRESS)]
     listen: SocketAddr,
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    let factor: f64 = text.parse().map_err(|_| "give a factor")?;
-    if (0.01..=1000.0).contains(&factor) { Ok(factor) } else { Err("give 0.01 to 1000".into()) }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

@@ -100,7 +100,7 @@ pub fn run() -> ExitCode {
     signals::survive_file_limits();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => return answer::not_parsed(&error, std::env::args_os().any(|argument| argument == "--json")),
+        Err(error) => return answer::not_parsed(error, std::env::args_os().any(|argument| argument == "--json")),
     };
     let result = match cli.command {
         Command::Doctor(args) => doctor::run(&args),
@@ -141,6 +141,22 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn common_mistakes_have_a_hint() {
+        for (args, hint) in [
+            (vec!["plan", "two.toml"], "`biflag plan check two.toml`"),
+            (vec!["aim", "--yaw=-67,5", "--pitch", "3"], "write a decimal point: -67.5"),
+            (vec!["sensor", "turn", "z", "720,5"], "write a decimal point: 720.5"),
+            (vec!["simulate", "--speeds=50,10,5", "--duration", "1"], "give two speeds in rpm"),
+        ] {
+            let error = Cli::try_parse_from([&["biflag"], args.as_slice()].concat()).unwrap_err();
+            let said = answer::with_hint(error).to_string();
+            assert!(said.contains(hint), "{said}");
+        }
+        let pair = Cli::try_parse_from(["biflag", "simulate", "--speeds=50,x"]).unwrap_err();
+        assert!(!answer::with_hint(pair).to_string().contains("decimal point"));
     }
 
     #[test]

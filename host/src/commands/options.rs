@@ -5,6 +5,7 @@ use crate::sweep::Shard;
 use biflag_log::Method;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
+use std::ops::RangeInclusive;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub enum ClosureName {
@@ -44,7 +45,7 @@ pub fn pair<T, E: From<&'static str>>(
     form: &'static str,
     one: impl Fn(&str) -> Result<T, E>,
 ) -> Result<[T; 2], E> {
-    let (first, second) = text.split_once(',').ok_or(form)?;
+    let (first, second) = text.split_once(',').filter(|(_, second)| !second.contains(',')).ok_or(form)?;
     Ok([one(first.trim())?, one(second.trim())?])
 }
 
@@ -57,22 +58,22 @@ pub fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
     pair(text, "give two speeds in rpm, such as 50,10", one)
 }
 
+/// Returns a parser of numbers within a range. `what` names them with their unit.
+pub fn within(what: &'static str, range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text: &str| {
+        let value = text.parse().ok().filter(|value| range.contains(value));
+        value.ok_or_else(|| format!("give {what}, {} to {}", range.start(), range.end()))
+    }
+}
+
 /// Reads the duration of a run in seconds.
 pub fn duration(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
-    if (MIN_RUN_S..=MAX_PHASE_S).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err(format!("give {MIN_RUN_S} to {MAX_PHASE_S} s"))
-    }
+    within("seconds", MIN_RUN_S..=MAX_PHASE_S)(text)
 }
 
 /// Reads a supply voltage.
 pub fn volts(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(volts) if (4.0..=6.0).contains(&volts) => Ok(volts),
-        _ => Err("give the reading of a meter in volts, 4 to 6, such as 4.93".to_owned()),
-    }
+    within("the reading of a meter in volts", 4.0..=6.0)(text)
 }
 
 /// Reads a range of time in seconds.

@@ -3,6 +3,7 @@
 use super::answer::WRONG_USE;
 use super::{Answer, Outcome};
 use crate::plan::Shipped;
+use biflag_log::similar::suggest;
 use miette::miette;
 use serde_json::json;
 use std::fmt::Write;
@@ -23,7 +24,8 @@ pub struct Args {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(name) = &args.name {
         let file = Shipped::find(Path::new(name)).ok_or_else(|| {
-            miette!(code = WRONG_USE, help = "`biflag plans` lists them", "no plan or robot file is called {name:?}")
+            let help = suggest(name, Shipped::all().map(|file| file.name), "`biflag plans` lists them");
+            miette!(code = WRONG_USE, help = help, "no plan or robot file is called {name:?}")
         })?;
         return Answer::new(Outcome::Done, &json!({ "name": file.name, "text": file.text }), file.text);
     }

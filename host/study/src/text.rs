@@ -49,6 +49,13 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// Returns `60,5` with a decimal point.
+pub fn decimal_point(value: &str) -> Option<String> {
+    let (whole, rest) = value.split_once(',')?;
+    let are_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (are_digits(whole.trim_start_matches(['+', '-'])) && are_digits(rest)).then(|| format!("{whole}.{rest}"))
+}
+
 /// Quotes text for a shell, unless it is a plain word.
 pub fn quoted(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);

@@ -59,8 +59,8 @@ pub enum PreflightError {
     },
     /// The disk is too small for the plan.
     #[error(
-        "{} has room for {:.1} GB of logs, and the rest of the plan needs up to {:.1} GB",
-        .folder.display(), *.free_bytes * 1e-9, *.needed_bytes * 1e-9
+        "{} has room for {:.0} MB of logs besides a reserve of {:.0} MB, and the rest of the plan needs up to {:.0} MB",
+        .folder.display(), *.free_bytes * 1e-6, RESERVE_BYTES * 1e-6, *.needed_bytes * 1e-6
     )]
     #[diagnostic(help("delete files on that disk, or choose another one with --out"))]
     DiskFull {

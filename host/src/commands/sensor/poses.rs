@@ -1,5 +1,6 @@
 //! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
 
+use super::super::options::within;
 use super::bench::Bench;
 use super::{Common, Measured, ended, finish, percent};
 use crate::commands::Answer;
@@ -16,27 +17,13 @@ use study::text::signed;
 )]
 pub struct Args {
     /// Time in each pose, s.
-    #[arg(long, default_value_t = 20.0, value_parser = parse_seconds)]
+    #[arg(long, default_value_t = 20.0, value_parser = within("seconds", 5.0..=3600.0))]
     seconds: f64,
     /// Each pose is exact within this, degrees.
-    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = parse_placement)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = within("an angle in degrees", 0.01..=10.0))]
     placement: f64,
     #[command(flatten)]
     common: Common,
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (5.0..=3600.0).contains(&seconds) => Ok(seconds),
-        _ => Err("give seconds, 5 to 3600".to_owned()),
-    }
-}
-
-fn parse_placement(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(angle) if (0.01..=10.0).contains(&angle) => Ok(angle),
-        _ => Err("give an angle in degrees, 0.01 to 10".to_owned()),
-    }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

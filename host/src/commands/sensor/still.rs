@@ -1,5 +1,6 @@
 //! `biflag sensor still`: the gyroscope's noise, by a long rest.
 
+use super::super::options::within;
 use super::bench::Bench;
 use super::{Common, Measured, ended, finish};
 use crate::commands::Answer;
@@ -16,17 +17,10 @@ use study::text::signed;
 )]
 pub struct Args {
     /// Length of the rest, s.
-    #[arg(default_value_t = 600.0, value_parser = parse_seconds)]
+    #[arg(default_value_t = 600.0, value_parser = within("seconds", 30.0..=200_000.0))]
     seconds: f64,
     #[command(flatten)]
     common: Common,
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (30.0..=200_000.0).contains(&seconds) => Ok(seconds),
-        _ => Err("give seconds, 30 to 200000".to_owned()),
-    }
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

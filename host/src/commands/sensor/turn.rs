@@ -1,5 +1,6 @@
 //! `biflag sensor turn`: the gyroscope's scale about an axis, by turns of the hand.
 
+use super::super::options::within;
 use super::bench::Bench;
 use super::{Common, Measured, ended, finish, percent};
 use crate::commands::{Answer, WRONG_USE};
@@ -23,13 +24,13 @@ pub struct Args {
     #[arg(value_parser = parse_axis)]
     axis: Axis,
     /// Angle of each turn, degrees.
-    #[arg(default_value_t = 720.0, value_parser = parse_angle)]
+    #[arg(default_value_t = 720.0, value_parser = within("an angle in degrees", 0.01..=36_000.0))]
     degrees: f64,
     /// Times to turn forwards and back.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     repeats: u16,
     /// The angle between the marks is exact within this, degrees.
-    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = parse_angle)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = within("an angle in degrees", 0.01..=36_000.0))]
     reference: f64,
     #[command(flatten)]
     common: Common,
@@ -41,13 +42,6 @@ fn parse_axis(text: &str) -> Result<Axis, String> {
         "y" => Ok(Axis::Y),
         "z" => Ok(Axis::Z),
         _ => Err("give x, y or z".to_owned()),
-    }
-}
-
-fn parse_angle(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(angle) if (0.01..=36_000.0).contains(&angle) => Ok(angle),
-        _ => Err("give an angle in degrees, 0.01 to 36000".to_owned()),
     }
 }
 

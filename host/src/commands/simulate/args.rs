@@ -1,6 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, MethodName, duration, pair, shard, speeds};
+use super::super::options::{ClosureName, MethodName, duration, pair, shard, speeds, within};
 use crate::sweep::Shard;
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -42,7 +42,7 @@ pub struct Args {
     /// The default is the plan's method, or `trial`. With `steady` the log contains one period of the motion and no
     /// other phases. If no repeating motion is found, the simulation continues until the means over both motor angles
     /// are known or the run ends, and the log contains the last window. `kind` in the output is `steady`,
-    /// `beating` (the means are known) or `not_found`.
+    /// `beating` (the means are known), `not_found`, or `overturned` (the base turned over: no angles).
     #[arg(long, value_enum, conflicts_with = "from")]
     pub method: Option<MethodName>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
     /// Samples per second; the board's rate is 200.
-    #[arg(long, value_name = "HZ", default_value = "20", value_parser = rate)]
+    #[arg(long, value_name = "HZ", default_value = "20", value_parser = within("samples per second", 0.01..=1000.0))]
     pub rate: f64,
     /// Write the shapes of the flagella into the logs.
     #[arg(long)]
@@ -75,15 +75,5 @@ pub struct Args {
 }
 
 fn phase(text: &str) -> Result<[f64; 2], String> {
-    let form = "give two angles from -360 to 360 degrees, such as 0,90";
-    let one = |text: &str| match text.parse() {
-        Ok(deg) if (-360.0..=360.0).contains(&deg) => Ok(deg),
-        _ => Err(form.to_owned()),
-    };
-    pair(text, form, one)
-}
-
-fn rate(text: &str) -> Result<f64, String> {
-    let hertz: f64 = text.parse().map_err(|_| "give samples per second")?;
-    if (0.01..=1000.0).contains(&hertz) { Ok(hertz) } else { Err("give 0.01 to 1000 samples per second".into()) }
+    pair(text, "give two angles in degrees, such as 0,90", within("two angles in degrees", -360.0..=360.0))
 }

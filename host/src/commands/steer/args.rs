@@ -1,6 +1,6 @@
 //! The arguments of `biflag steer`.
 
-use super::super::options::duration;
+use super::super::options::{duration, within};
 use super::super::virtual_board::SensorArgs;
 use crate::plan::{MAX_PHASE_S, robot};
 use std::path::PathBuf;
@@ -36,7 +36,7 @@ pub struct Args {
     pub run_s: f64,
     /// Duration of the rest before the run, seconds, which shows the drift of the yaw. With 0 the run begins at once, without
     /// a calibration of the gyroscope, and no angle has a ±. The model needs no rest.
-    #[arg(long, value_name = "S", value_parser = rest, default_value = "20", conflicts_with = "model")]
+    #[arg(long, value_name = "S", value_parser = within("seconds", 0.0..=MAX_PHASE_S), default_value = "20", conflicts_with = "model")]
     pub rest: f64,
     /// A command that gives the speeds instead of the built-in controller; `-` is the program that started biflag, which
     /// reads the observations from its standard output and writes the speeds to its standard input. The answer of --json is
@@ -66,10 +66,4 @@ pub struct Args {
     /// The session folder; by default named after the attitude.
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-}
-
-/// Reads the duration of a rest in seconds.
-fn rest(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
-    if (0.0..=MAX_PHASE_S).contains(&seconds) { Ok(seconds) } else { Err(format!("give 0 to {MAX_PHASE_S} s")) }
 }

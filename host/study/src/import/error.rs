@@ -3,6 +3,7 @@
 use crate::output::OutputError;
 use crate::plan::PlanError;
 use biflag_log::LogError;
+use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -22,7 +23,7 @@ pub enum ImportError {
     },
     /// The file cannot be read.
     #[error("{}: cannot be read", path.display())]
-    #[diagnostic(code(wrong_use), help("name a table in the format CSV"))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "name a table in the format CSV")))]
     Read {
         /// The file.
         path: PathBuf,

@@ -66,11 +66,12 @@ impl States {
             }
             if pitch.abs() > 90.0 || roll.abs() > 180.0 {
                 let reason = format!("pitch {pitch}° and roll {roll}° are no z-y'-x'' angles");
-                return wrong(
-                    i,
-                    reason,
-                    "check the units; for another order of angles, give a quaternion: qw, qx, qy, qz",
-                );
+                let folded = |deg: f64, most| (0.0..=360.0).contains(&deg) && (deg - 180.0).abs() >= 180.0 - most;
+                let help = match folded(pitch, 90.0) && folded(roll, 180.0) {
+                    true => "angles from 0 to 360 are folded: subtract 360 from each pitch and roll above 180",
+                    false => "check the units; for another order of angles, give a quaternion: qw, qx, qy, qz",
+                };
+                return wrong(i, reason, help);
             }
             rows[i].angles_deg[0] = unwrap.next(yaw);
             let Some(before) = i.checked_sub(1).map(|before| rows[before]) else { continue };

@@ -1,6 +1,7 @@
 use super::*;
 use crate::plan::{PHYSICAL, RobotFile, robot};
 use crate::trial::{Data, Want, Zeroed, findings};
+use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -243,7 +244,8 @@ fn what_cannot_be_imported_is_said() {
             "line 3: \"fast\" for yaw is not a number",
         ),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "0,0,0,0,0"]), "line 3: the time 0 s follows 0 s"),
-        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,170,0,0", "1,0,0,0,0"]), "are no z-y'-x'' angles"),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,170,0,0", "1,0,0,0,0"]), "check the units"),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,1,0,0", "1,0,359,359.9,0"]), "angles from 0 to 360 are folded"),
         ("time=t,yaw=y,pitch=p,roll=r,turns1=n,turns2=0", rows(&["0,0,0,0,9.9", "0.1,0,0,0,0.1"]), "turns1 goes from"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "1,,0,0,0"]), "has 1 rows"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "9,0,0,0,0"]), "speeds of the motors are not known"),
@@ -255,7 +257,8 @@ fn what_cannot_be_imported_is_said() {
         let log = folder.path().join("a.mcap");
         let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap());
         let error = states.and_then(|states| write(&states, &conditions(), "a.csv", &log)).unwrap_err();
-        assert!(error.to_string().contains(why) && error.is_wrong_use(), "{why}: {error}");
+        let said = format!("{error}; {}", error.help().map_or_else(String::new, |help| help.to_string()));
+        assert!(said.contains(why) && error.is_wrong_use(), "{why}: {said}");
         assert!(!log.exists());
     }
 }

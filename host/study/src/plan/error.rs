@@ -1,8 +1,10 @@
 //! Errors in a plan, a robot file, or a file of board settings. All of them count as wrong use.
 
 use super::Shipped;
-use biflag_log::similar::{did_you_mean, most_alike};
+use biflag_log::similar::{did_you_mean, suggest};
 use miette::Diagnostic;
+use sim::params::BUILT_IN;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -45,17 +47,17 @@ fn cure(path: &Path, noun: &str) -> String {
             _ => format!("{folder} is a folder: name a file in it"),
         };
     }
-    let shipped = Shipped::all()
-        .filter(|file| if file.is_robot() { noun == "robot file" } else { noun == "plan" })
-        .map(|file| file.name);
-    let otherwise = path.to_str().and_then(|typed| most_alike(typed, shipped)).map_or_else(
-        || {
-            "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag"
-                .to_owned()
-        },
-        |name| format!("did you mean {name}, which is inside biflag?"),
-    );
-    did_you_mean(path, &otherwise)
+    let typed = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+    if noun == "plan"
+        && typed.split_once(',').is_some_and(|(one, two)| one.parse::<f64>().and(two.parse::<f64>()).is_ok())
+    {
+        return format!("simulate and record take a pair of speeds as --speeds={typed}, simulate with --duration 120");
+    }
+    let shipped = Shipped::all().filter(|file| noun == if file.is_robot() { "robot file" } else { "plan" });
+    let built_in = BUILT_IN.into_iter().filter(|_| noun == "robot file");
+    let otherwise =
+        "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag";
+    did_you_mean(path, &suggest(typed, shipped.map(|file| file.name).chain(built_in), otherwise))
 }
 
 #[cfg(test)]
@@ -65,8 +67,10 @@ mod tests {
     #[test]
     fn a_wrong_letter_finds_what_is_inside_biflag() {
         let help = |name: &str, noun| cure(Path::new(name), noun);
-        assert_eq!(help("bundlng", "plan"), "did you mean bundling, which is inside biflag?");
-        assert_eq!(help("robot-sotf", "robot file"), "did you mean robot-soft, which is inside biflag?");
+        assert_eq!(help("bundlng", "plan"), "did you mean bundling?");
+        assert_eq!(help("plans/robot-sotf", "robot file"), "did you mean robot-soft?");
+        assert_eq!(help("physcal", "robot file"), "did you mean physical?");
+        assert!(help("50,-10", "plan").contains("--speeds=50,-10"), "{}", help("50,-10", "plan"));
         for (name, noun) in
             [("bundlng", "robot file"), ("robot-sotf", "plan"), ("bundlng", "sensor file"), ("x", "plan")]
         {

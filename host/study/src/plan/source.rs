@@ -2,6 +2,8 @@
 
 use super::error::PlanError;
 use super::shipped::Shipped;
+use crate::text::decimal_point;
+use biflag_log::similar::suggest;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error};
 use std::fmt::{Display, LowerExp};
@@ -223,7 +225,8 @@ impl Source<'_> {
         let expected = message.split_once("expected ").map(|(_, expected)| expected);
         if message.starts_with("unknown field") {
             let cure = expected.map_or("leave it out".to_owned(), |keys| format!("write {keys}, or leave it out"));
-            return self.error(span, format!("unknown key `{quoted}`"), cure);
+            let keys = expected.unwrap_or_default().split('`').skip(1).step_by(2);
+            return self.error(span, format!("unknown key `{quoted}`"), suggest(quoted, keys, &cure));
         }
         if message.starts_with("missing field") {
             let cure = (self.kind.help)(quoted).map_or_else(|| self.kind.example.to_owned(), str::to_owned);
@@ -281,13 +284,6 @@ fn span_of<'k>(table: &DeTable, path: impl IntoIterator<Item = &'k str>) -> Opti
         DeValue::Table(inner) => span_of(inner, path),
         _ => Some(value.span()),
     }
-}
-
-/// Returns `60,5` with a decimal point.
-fn decimal_point(value: &str) -> Option<String> {
-    let (whole, rest) = value.split_once(',')?;
-    let are_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    (are_digits(whole.trim_start_matches(['+', '-'])) && are_digits(rest)).then(|| format!("{whole}.{rest}"))
 }
 
 /// Returns the number in `60 s`.

@@ -36,7 +36,7 @@ pub enum SessionError {
         folder: PathBuf,
     },
     /// The logs in the folder belong to different plans.
-    #[error("{}: has logs of different plans, such as {} and {}: {difference} differ", folder.display(), one.display(), other.display())]
+    #[error("{}: has logs of different plans, such as {} and {}: {difference}", folder.display(), one.display(), other.display())]
     #[diagnostic(code(wrong_use), help("move the logs of each plan into a folder of their own"))]
     DifferentPlans {
         /// The folder.
@@ -45,7 +45,7 @@ pub enum SessionError {
         one: PathBuf,
         /// A log of another plan.
         other: PathBuf,
-        /// The part in which the plans differ.
+        /// How the plans differ.
         difference: &'static str,
     },
     /// The folder already contains a session.
@@ -68,12 +68,12 @@ pub enum SessionError {
         log: String,
     },
     /// The folder contains the session of another plan.
-    #[error("{}: contains the session of another plan: {difference} differ", folder.display())]
+    #[error("{}: contains the session of another plan: {difference}", folder.display())]
     #[diagnostic(code(wrong_use), help("name another folder with --out, or continue with the plan of the session"))]
     OtherPlan {
         /// The folder.
         folder: PathBuf,
-        /// The part in which the plans differ.
+        /// How the plans differ.
         difference: &'static str,
     },
     /// Another program is writing into the session.

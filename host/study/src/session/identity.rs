@@ -216,7 +216,7 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
     {
         let plan = Plan { robot: session.plan.robot.clone(), ..plan };
         if let Some(different) = difference(&session.plan, &plan) {
-            return Some((format!("is of another plan than session.toml: {different} differ"), cure));
+            return Some((format!("is of another plan than session.toml: {different}"), cure));
         }
     }
     // A replay may have another robot than its recording.

@@ -372,15 +372,15 @@ fn attempt_number(suffix: &str) -> u32 {
 fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     let phases = |plan: &Plan| plan.trials.first().map(|trial| trial.phases);
     if phases(old) != phases(new) {
-        Some("the durations of [trial]")
+        Some("the durations of [trial] differ")
     } else if old.trials != new.trials {
-        Some("the speeds, starting phases, repeats or seed")
+        Some("the speeds, starting phases, repeats or seed differ")
     } else if old.robot != new.robot {
-        Some("the robot")
+        Some("the robot differs")
     } else if old.sensor.as_ref().map(|file| &file.text) != new.sensor.as_ref().map(|file| &file.text) {
-        Some("the sensor's file")
+        Some("the sensor's file differs")
     } else if old.board.of_the_data() != new.board.of_the_data() {
-        Some("the settings of [board]")
+        Some("the settings of [board] differ")
     } else {
         None
     }

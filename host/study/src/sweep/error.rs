@@ -2,6 +2,7 @@
 
 use super::RESULTS;
 use crate::plan::PlanError;
+use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -41,7 +42,7 @@ pub enum SweepError {
     },
     /// The folder has no sweep.
     #[error("{}: is not the folder of a sweep", folder.display())]
-    #[diagnostic(code(wrong_use), help("name a folder that `biflag sweep PLAN` has made"))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, "name a folder that `biflag sweep PLAN` has made")))]
     NotASweep {
         /// The folder.
         folder: PathBuf,

@@ -6,6 +6,7 @@ use super::key::{self, Group, Key};
 use super::sobol;
 use crate::plan::source::{Source, number};
 use crate::plan::{PlanError, RobotFile};
+use biflag_log::similar::suggest;
 use protocol::units::CentiRpm;
 use sim::groups::Groups;
 use sim::params::Robot;
@@ -178,7 +179,8 @@ fn unknown(name: &str, robot: &Value) -> (String, String) {
             .to_owned(),
         keys => format!("write one of {}", keys.join(", ")),
     };
-    (format!("unknown key `{name}`"), cure)
+    let all = key::numbers(robot).into_iter().chain(Group::ALL.map(|group| group.name().to_owned()));
+    (format!("unknown key `{name}`"), suggest(name, all, &cure))
 }
 
 fn values(entry: &Entry, design: &Design, source: &Source) -> Result<Values, PlanError> {

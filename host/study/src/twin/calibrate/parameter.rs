@@ -1,5 +1,6 @@
 //! Parameters that can be fitted.
 
+use biflag_log::similar::suggest;
 use sim::body::closure::Closure;
 use sim::functions::exp;
 use sim::params::{HeadShape, Robot};
@@ -180,8 +181,9 @@ impl FromStr for Parameter {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let names = || Self::ALL.map(Self::name).join(", ");
-        Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| format!("give one or more of {}", names()))
+        let names = Self::ALL.map(Self::name);
+        let otherwise = || suggest(name, names, &format!("give one or more of {}", names.join(", ")));
+        Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(otherwise)
     }
 }
 
