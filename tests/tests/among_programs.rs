@@ -57,6 +57,23 @@ fn ctrl_c_on_the_terminal_ends_a_recording_on_the_emulated_board() {
     assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
 }
 
+/// A terminal's Ctrl-\\ ends the program without a word, and its board with it.
+#[test]
+fn board_ends_with_a_program_that_is_killed() {
+    let bench = Bench::new();
+    for (command, arguments) in [("record", ["--speeds=50,10", "--run=60"]), ("steer", ["--yaw=-67", "--pitch=-4"])] {
+        let mut killed =
+            shell(&bench, "exec \"$0\" \"$@\"", &[command, arguments[0], arguments[1], "--virtual", "--out", command]);
+        wait_for_line(&mut killed, "wait until still");
+        let board = board_of(&killed);
+        signal_group(&killed, Signal::QUIT);
+        assert!(!killed.wait().unwrap().success());
+        // Nobody may have asked for its end yet.
+        let state = || std::fs::read_to_string(format!("/proc/{board}/stat")).unwrap_or_default();
+        wait_until("the board ends", || state().rsplit_once(')').is_none_or(|(_, state)| state.starts_with(" Z")));
+    }
+}
+
 /// A board whose program is stopped is an error, and is not left behind.
 #[test]
 fn stopped_emulated_board_ends_the_recording() {

@@ -24,19 +24,19 @@ pub enum LogError {
     },
     /// The file could not be created.
     #[error("{}: cannot be created", path.display())]
-    #[diagnostic(help("check that the folder exists and is writable"))]
+    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
     Create {
         /// The file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
     },
-    /// Writing failed. The bytes written so far stay in the file, as after a crash.
+    /// Writing failed. The bytes written so far stay in the file, as after a crash; of a computed trial, none.
     #[error("{}: cannot be written; {kept} bytes were kept", path.display())]
-    #[diagnostic(help(
-        "make room or reconnect the disk; `biflag recover` makes an intact log from the bytes that were kept, and \
-         `--resume` repeats the trial"
-    ))]
+    #[diagnostic(help("make room or reconnect the disk; {}", match kept {
+        0 => "then repeat the command, in a session with --resume",
+        _ => "`biflag recover` makes an intact log from the bytes that were kept, and --resume repeats the trial of a session",
+    }))]
     Write {
         /// The file.
         path: PathBuf,

@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn kind_of_a_steady_state_round_trips_and_is_left_out_of_a_trial() {
-        for kind in [None, Some(Kind::Steady), Some(Kind::Beating), Some(Kind::NotFound)] {
+        for kind in [None, Some(Kind::Steady), Some(Kind::Beating), Some(Kind::NotFound), Some(Kind::Overturned)] {
             let known =
                 SteadyMeta { yaw_se_deg: Some(0.25), force1_se_n: Some([1e-4, 0.0, 2e-5]), ..SteadyMeta::default() };
             let steady = SteadyMeta { yaw_deg: -63.7, kind, ..known };
@@ -394,6 +394,8 @@ mod tests {
             assert_eq!(table.get("kind").map(String::as_str), kind.map(Kind::name));
             assert_eq!(from_table(&table), Some(steady));
         }
+        let overturned = to_table(&SteadyMeta { yaw_deg: f64::NAN, ..SteadyMeta::default() });
+        assert!(from_table::<SteadyMeta>(&overturned).unwrap().yaw_deg.is_nan(), "{overturned:?}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Metadata of a modelled or simulated trial: parameters, sensor errors, and steady state.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
@@ -121,11 +121,14 @@ pub struct SensorMeta {
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SteadyMeta {
-    /// Mean yaw, unwrapped.
+    /// Mean yaw, unwrapped; NaN for a robot that overturned, which is `null` in JSON.
+    #[serde(deserialize_with = "number_or_null")]
     pub yaw_deg: f64,
     /// Mean pitch.
+    #[serde(deserialize_with = "number_or_null")]
     pub pitch_deg: f64,
     /// Mean roll.
+    #[serde(deserialize_with = "number_or_null")]
     pub roll_deg: f64,
     /// Standard error of the mean yaw; `None` if it is unknown: in a run shorter than 24 s, and in logs of older versions.
     pub yaw_se_deg: Option<f64>,
@@ -165,7 +168,7 @@ pub struct SteadyMeta {
     pub newton_iterations: u64,
     /// Simulated time, including the search.
     pub simulated_s: f64,
-    /// The kind of motion, with [`Method::Steady`].
+    /// The kind of motion, with [`Method::Steady`], and of a robot that overturned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
 }
@@ -202,9 +205,18 @@ impl SteadyMeta {
             contact_share: summary.contact_share,
             newton_iterations: summary.sweeps,
             simulated_s: summary.simulated_s,
-            kind: None,
+            kind: steady.is_overturned().then_some(Kind::Overturned),
         }
     }
+
+    /// Returns whether the robot overturned, so that it has no steady attitude.
+    pub fn is_overturned(&self) -> bool {
+        self.kind == Some(Kind::Overturned)
+    }
+}
+
+fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// Returns the standard errors of some levels; `None` unless all are known.

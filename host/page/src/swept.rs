@@ -54,7 +54,7 @@ fn without_unit(name: &str) -> &str {
 }
 
 /// The kinds of motions, from the steadiest. Pages and figures read the index.
-pub(crate) const MOTIONS: [Motion; 3] = [Motion::Steady, Motion::Beating, Motion::NotFound];
+pub(crate) const MOTIONS: [Motion; 4] = [Motion::Steady, Motion::Beating, Motion::NotFound, Motion::Overturned];
 
 /// What a column before the results is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -127,7 +127,7 @@ impl Swept {
 
     /// Returns whether not even the means of a point are known.
     pub fn is_unknown(&self, row: usize) -> bool {
-        usize::try_from(self.states[row]).is_ok_and(|state| MOTIONS[state] == Motion::NotFound)
+        usize::try_from(self.states[row]).is_ok_and(|state| MOTIONS[state] >= Motion::NotFound)
     }
 
     /// Returns the number of points.

@@ -119,7 +119,9 @@ impl From<AimError> for Failure {
                 Self::parameter(&word(quantity), reason)
             }
             AimError::Table { .. } | AimError::TooSmall { .. } => Self { key: "table".to_owned(), ..Self::of(&error) },
-            AimError::Model { .. } | AimError::TimeOver => Self { key: "solver".to_owned(), ..Self::of(&error) },
+            AimError::Model { .. } | AimError::Overturned(_) | AimError::TimeOver => {
+                Self { key: "solver".to_owned(), ..Self::of(&error) }
+            }
             AimError::Interrupted => Self::interrupted(),
         }
     }

@@ -7,6 +7,7 @@ use crate::names;
 use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
+use crate::steady::NUMBERS;
 use biflag_log::{Method, SteadyMeta};
 use numpy::IntoPyArray;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
@@ -131,7 +132,10 @@ impl Simulated {
 
     /// Returns the steady state as a dictionary.
     fn steady<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::record(py, &self.steady)
+        let steady = json::record(py, &self.steady)?;
+        // Angles of a robot that overturned are NaN, which JSON does not have.
+        NUMBERS[..3].iter().try_for_each(|(name, value)| steady.set_item(name, value(&self.steady)))?;
+        Ok(steady)
     }
 
     /// Writes the log of the trial.

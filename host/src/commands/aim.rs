@@ -1,5 +1,6 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
+use super::options::within;
 use super::{Answer, Outcome};
 use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Quantity, Solution, Target, Unknown};
 use crate::output;
@@ -8,6 +9,7 @@ use crate::progress::Progress;
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use serde::Serialize;
+use sim::steady::Kind;
 use sim::step::InversesAtRest;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
@@ -47,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
     /// Longest time, seconds. What is known by then is the answer.
-    #[arg(long = "for", value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", default_value_t = 60.0, value_parser = within("seconds", 0.001..=86_400.0))]
     longest_s: f64,
     /// The plan to write, with a trial at each pair of speeds; it must not exist yet.
     #[arg(short, long, value_name = "PLAN")]
@@ -68,15 +70,6 @@ struct Printed<'a> {
 struct Wanted {
     quantity: Quantity,
     value: f64,
-}
-
-/// Longest time that can be asked for, s: a day.
-const LONGEST_S: f64 = 86_400.0;
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
-    let is_possible = seconds > 0.0 && seconds <= LONGEST_S;
-    is_possible.then_some(seconds).ok_or_else(|| format!("must be above 0 and at most {LONGEST_S}"))
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -181,7 +174,8 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
     let within = confidence.map_or("within".to_owned(), |confidence| format!("{:.0} %", 100.0 * confidence));
     let Solution { state, interval, .. } = solution;
     let Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n } = state.attitude;
-    let mut text = format!("\nw1 {}, w2 {} rpm\n", decimal(state.w1_rpm, 2), decimal(state.w2_rpm, 2));
+    let unsettled = if state.kind < Kind::NotFound { "" } else { ", not settled: means, not steady values" };
+    let mut text = format!("\nw1 {}, w2 {} rpm{unsettled}\n", decimal(state.w1_rpm, 2), decimal(state.w2_rpm, 2));
     let angles = [
         ("yaw", yaw_deg, interval.yaw_ci_deg, 0),
         ("pitch", pitch_deg, interval.pitch_ci_deg, 1),

@@ -75,12 +75,18 @@ pub enum Kind {
     Beating,
     /// No repeating motion was found, and the means are not known well enough.
     NotFound,
+    /// The base turned over. Parts of sweeps store a kind by its number: new ones come last.
+    Overturned,
 }
 
 impl Kind {
     /// Returns the kind of a motion that is not found to repeat, from the means of its trial.
     pub fn of_trial(steady: &Steady) -> Self {
-        if steady.settled { Self::Beating } else { Self::NotFound }
+        match steady.settled {
+            _ if steady.is_overturned() => Self::Overturned,
+            true => Self::Beating,
+            false => Self::NotFound,
+        }
     }
 
     /// Returns its name, as in JSON.
@@ -89,6 +95,7 @@ impl Kind {
             Self::Steady => "steady",
             Self::Beating => "beating",
             Self::NotFound => "not_found",
+            Self::Overturned => "overturned",
         }
     }
 }
@@ -263,8 +270,9 @@ fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, P
 
 /// Returns the result whose last period or window is this trial.
 fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
+    let kind = if summary.steady.is_overturned() { Kind::Overturned } else { kind };
     let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
-    (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
+    (summary.steady.settled, summary.steady.settle_s) = (kind < Kind::NotFound, 0.0);
     let start_s = trial.state().time - duration_s;
     summary.first_contact_s = summary.first_contact_s.map(|time| time - start_s);
     for sample in &mut samples {

@@ -68,7 +68,7 @@ class Steady:
     simulated_s: float
     kind: str | None = None
     """With the method "steady": "steady" if the motion repeats, "beating" if it was not found to but its means are known,
-    and "not_found" if they are not."""
+    and "not_found" if they are not. With both methods "overturned" if the base turned over: its angles are NaN."""
     yaw_se_deg: float | None = None
     """Standard error of the mean; ``None`` where it is unknown: in a run shorter than 24 s."""
     pitch_se_deg: float | None = None

@@ -138,6 +138,9 @@ impl fmt::Display for SimulatedTrial {
         }
         write!(f, "{}", self.name)?;
         let Some(steady) = &self.steady else { return Ok(()) };
+        if steady.is_overturned() {
+            return write!(f, ": overturned, so it has no steady attitude{}", bundling(steady));
+        }
         let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settle_s, .. } = steady;
         let angles = [
             ("yaw", yaw_deg, steady.yaw_se_deg),
@@ -152,7 +155,7 @@ impl fmt::Display for SimulatedTrial {
             Some(Kind::Steady) => {}
             Some(Kind::Beating) => write!(f, ", beating")?,
             None if steady.settled => write!(f, ", settled after {settle_s:.0} s")?,
-            Some(Kind::NotFound) | None => write!(f, ", not settled")?,
+            Some(Kind::NotFound | Kind::Overturned) | None => write!(f, ", not settled")?,
         }
         if let Some(wall_s) = self.wall_s {
             write!(f, "; {:.0} times real time", steady.simulated_s / wall_s)?;

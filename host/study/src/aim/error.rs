@@ -61,6 +61,10 @@ pub enum AimError {
         /// Why.
         source: SolveError,
     },
+    /// The robot turns over at these speeds (rpm), so it has no attitude there.
+    #[error("the robot overturns at {} and {} rpm", .0[0], .0[1])]
+    #[diagnostic(help("give it the mass that hangs upright"))]
+    Overturned([f64; 2]),
     /// The user has interrupted the search.
     #[error("interrupted")]
     Interrupted,

@@ -39,6 +39,7 @@ use improve::{Best, Goal, VALUES, improve};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::steady::Kind;
 use std::time::{Duration, Instant};
 use table::distance;
 
@@ -117,9 +118,9 @@ pub struct Aimed {
     pub confidence: Option<f64>,
     /// Reasons for no confidence.
     pub doubts: Vec<Doubt>,
-    /// Speeds at which the target is met, the nearest first.
+    /// Speeds at which the target is met, the nearest first. The means of each are known.
     pub solutions: Vec<Solution>,
-    /// The nearest attitude of a whole trial, if there is no solution.
+    /// The nearest attitude of a whole trial, if there is no solution; its means need not be known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearest: Option<Solution>,
     /// Speeds that were not refined in time: the target may or may not be met near them.
@@ -210,9 +211,13 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
         solutions.extend(described.collect::<Result<Vec<_>, AimError>>()?);
     }
     solutions.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let solutions: Vec<Solution> = solutions.into_iter().map(|(_, solution)| solution).collect();
+    // A state whose means are not known does not meet the target.
+    let solutions = solutions.into_iter().map(|(_, solution)| solution);
+    let (solutions, unknown): (Vec<_>, Vec<_>) = solutions.partition(|found| found.state.kind < Kind::NotFound);
     let nearest = match nearest {
-        Some(nearest) if solutions.is_empty() => Some(describe(&nearest)?),
+        Some(nearest) if solutions.is_empty() => {
+            Some(unknown.into_iter().next().map_or_else(|| describe(&nearest), Ok)?)
+        }
         None if unfinished.is_empty() => {
             return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows().len() }));
         }

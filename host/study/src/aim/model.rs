@@ -59,8 +59,12 @@ pub struct State {
 }
 
 impl State {
-    fn of([w1_rpm, w2_rpm]: [f64; 2], kind: Kind, summary: &Summary) -> Self {
-        Self {
+    fn of(rpm: [f64; 2], kind: Kind, summary: &Summary) -> Result<Self, AimError> {
+        if kind == Kind::Overturned {
+            return Err(AimError::Overturned(rpm));
+        }
+        let [w1_rpm, w2_rpm] = rpm;
+        Ok(Self {
             w1_rpm,
             w2_rpm,
             attitude: Attitude::of(summary),
@@ -68,7 +72,7 @@ impl State {
             contact: summary.bundling,
             contact_share: summary.contact_share,
             min_gap_m: summary.min_gap_m,
-        }
+        })
     }
 
     /// Returns the speeds, rpm.
@@ -99,7 +103,7 @@ impl Model<'_> {
     /// Returns the steady state at these speeds, with motors that start at these angles (deg).
     ///
     /// # Errors
-    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
+    /// [`AimError::Model`], [`AimError::Overturned`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn at(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
         self.of(self.robot, rpm, start_deg)
     }
@@ -119,7 +123,7 @@ impl Model<'_> {
         let found = steady::solve(&problem, &|_| self.goes_on());
         (self.solved)();
         let Periodic { kind, summary, .. } = found.map_err(|error| self.error(rpm, error))?;
-        Ok(State::of(rpm, kind, &summary))
+        State::of(rpm, kind, &summary)
     }
 
     /// Returns the state at the end of a whole trial at these speeds, with motors that start at angles of zero. The
@@ -129,7 +133,7 @@ impl Model<'_> {
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
         let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| self.error(rpm, error))?;
-        Ok(State::of(rpm, Kind::of_trial(&summary.steady), &summary))
+        State::of(rpm, Kind::of_trial(&summary.steady), &summary)
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at the first contact,

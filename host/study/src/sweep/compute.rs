@@ -5,7 +5,7 @@ use super::point::{Point, phases};
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::steady::phase;
-use sim::steady::quantities::{QUANTITIES, STANDARD_ERRORS};
+use sim::steady::quantities::{QUANTITIES, Quantity, STANDARD_ERRORS};
 use sim::steady::{Kind, Problem, SolveError};
 use sim::steady::{Phases, SteadyState};
 use sim::step::InversesAtRest;
@@ -129,18 +129,22 @@ fn compute(
 
 impl Steady {
     fn of(phases: &Phases) -> Self {
+        // One pattern of NaN, on every processor.
+        let of = |value: f64, quantity: &Quantity| if phases.value(quantity).is_nan() { f64::NAN } else { value };
         let spread = |[low, high]: [f64; 2]| high - low;
         Self {
             kind: phases.kind(),
             phases: phases.count() as u32,
-            values: QUANTITIES.map(|quantity| phases.value(&quantity)),
-            spreads: QUANTITIES.map(|quantity| spread(phases.range(&quantity))),
+            values: QUANTITIES.map(|quantity| of(phases.value(&quantity), &quantity)),
+            spreads: QUANTITIES.map(|quantity| of(spread(phases.range(&quantity)), &quantity)),
             standard_errors: phases.standard_errors(),
         }
     }
 
+    /// Returns whether all values are numbers, but for the angles of a robot that overturned.
     fn is_finite(&self) -> bool {
-        self.values.iter().chain(&self.spreads).all(|v| v.is_finite())
+        let is_overturned = self.kind == Kind::Overturned;
+        self.values.iter().chain(&self.spreads).all(|v| v.is_finite() || is_overturned && v.is_nan())
     }
 }
 

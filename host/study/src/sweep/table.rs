@@ -130,7 +130,8 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
     columns.push(text(
         "kind",
-        "`steady`: the motion repeats; `beating`: it was not found to, but its means are known; `not_found`: they are not",
+        "`steady`: the motion repeats; `beating`: it was not found to, but its means are known; `not_found`: they are not; \
+         `overturned`: the base turned over, and the angles are empty",
         &kind,
     ));
     let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();

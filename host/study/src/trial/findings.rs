@@ -5,6 +5,7 @@ use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::import_findings;
 use super::sensor_gap;
+use super::usable::Unusable;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
 use crate::sensor::MeasuredSensor;
@@ -69,6 +70,9 @@ fn wait(data: &Data) -> Option<Finding> {
 
 /// Returns findings about the averaging window.
 fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
+    if let Err(Unusable { reason, help }) = data.upright() {
+        return vec![Finding::grave(FindingKind::Window, reason, help)];
+    }
     let Some(steady) = &zeroed.steady else { return Vec::new() };
     let mut found = Vec::new();
     let window_s = steady.window.end - steady.window.start;

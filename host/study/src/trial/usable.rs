@@ -1,7 +1,7 @@
 //! Checks whether a trial can be compared with a model.
 
 use super::data::Data;
-use biflag_log::Origin;
+use biflag_log::{Origin, SteadyMeta};
 
 /// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
 const GAP_S: f64 = 0.21;
@@ -49,7 +49,18 @@ impl Data {
             let ran_s = (run.end - run.start).max(0.0);
             return unusable(format!("its motors ran for only {ran_s:.1} s"), REPEAT);
         }
+        self.upright()?;
         self.encoders().map(drop)
+    }
+
+    /// Checks that a modelled robot did not turn over.
+    pub(super) fn upright(&self) -> Result<(), Unusable> {
+        match self.records.steady.as_ref().is_some_and(SteadyMeta::is_overturned) {
+            true => {
+                unusable("the robot overturned, so it has no steady attitude", "give it the mass that hangs upright")
+            }
+            false => Ok(()),
+        }
     }
 
     /// Describes the gaps in the telemetry.

@@ -293,10 +293,11 @@ impl Zeroed {
         })
     }
 
-    /// Returns the steady end of the run. For a model, the solver has computed it from every step.
+    /// Returns the steady end of the run. For a model, the solver has computed it from every step; a robot that overturned has
+    /// none.
     fn steady(&self, data: &Data) -> Option<Steady> {
         let run = self.seen_run();
-        if run.end <= run.start {
+        if run.end <= run.start || data.upright().is_err() {
             return None;
         }
         let speeds = data.speeds().map(|speed| speed.rpm() * PI / 30.0);

@@ -31,7 +31,7 @@ pub use window::{WINDOW, whole_turns};
 use serde::{Deserialize, Serialize};
 use series::Cell;
 use std::collections::VecDeque;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Longest stretch that means over both motor angles are taken from, s.
 pub const STRETCH: f64 = 300.0;
@@ -321,6 +321,17 @@ impl SteadyCollector {
         self.state(self.window, last, |_| settled)
     }
 
+    /// Returns the state without an attitude, as NaN, if the base turned over: its axis pointed below the horizontal, where the
+    /// roll is more than a right angle.
+    pub(crate) fn unless_overturned(&self, steady: Steady) -> Steady {
+        let (cells, recent) = (self.cells.iter().map(|c| c.values[2]), self.recent.iter().map(|e| e.values[2]));
+        if cells.chain(recent).all(|roll| roll.abs() <= FRAC_PI_2) {
+            return steady;
+        }
+        let attitude = [Level { mean: f64::NAN, ..Level::default() }; 3];
+        Steady { attitude, settled: false, ..steady }
+    }
+
     fn end(&self) -> f64 {
         self.recent.back().map_or(self.from, |e| e.time)
     }
@@ -350,6 +361,11 @@ impl Level {
 }
 
 impl Steady {
+    /// Returns whether the robot has turned over.
+    pub fn is_overturned(&self) -> bool {
+        self.attitude[0].mean.is_nan()
+    }
+
     /// Returns whether the uncertainties of yaw, pitch, roll and both thrusts are within limits.
     pub fn is_known_within(&self, limits: &Limits) -> bool {
         let thrusts = self.force.map(|force| force[2]);
@@ -388,6 +404,21 @@ mod tests {
         collector.push(45.0, [0.5; CHANNELS], false);
         let steady = collector.window();
         assert!(steady.window_s == 0.0 && !steady.settled, "{steady:?}");
+    }
+
+    #[test]
+    fn a_base_that_turns_over_has_no_attitude() {
+        for (most, is_overturned) in [(89.0_f64, false), (91.0, true)] {
+            let mut collector = SteadyCollector::new(0.0, 60.0, [1.0, 2.0]);
+            for i in 0..=6000 {
+                let mut values = [0.5; CHANNELS];
+                values[2] = if (2000..2200).contains(&i) { -most.to_radians() } else { 0.0 };
+                collector.push(0.01 * f64::from(i), values, false);
+            }
+            let steady = collector.unless_overturned(collector.steady());
+            assert_eq!((steady.is_overturned(), steady.settled), (is_overturned, !is_overturned), "{steady:?}");
+            assert_eq!(steady.force, collector.steady().force);
+        }
     }
 
     /// Two motors whose phase slips by a turn in 33 minutes.

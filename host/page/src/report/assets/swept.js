@@ -17,7 +17,7 @@ biflag.Swept = class {
     const column = (packed) => ({ ...packed, values: biflag.numbers(packed.values).map(value) });
     this.inputs = inputs.map(column);
     this.results = results.map(column);
-    /** The index in `kinds` of the motion of each point, -1 where the table has none; of the last kind not even the means are known. */
+    /** The index in `kinds` of the motion of each point, -1 where the table has none. */
     [this.states, this.kinds] = [states, kinds];
     /** The largest difference of angles between starting phases without a mark, and the least values of inputs for contours. */
     [this.mostSpreadDeg, this.contourNodes] = [limits.most_spread_deg, limits.contour_nodes];
@@ -29,7 +29,7 @@ biflag.Swept = class {
   }
 
   isUnknown(state) {
-    return state === this.kinds.length - 1;
+    return ["not found", "overturned"].includes(this.kinds[state]);
   }
 
   /** Whether the angles of a row depend on the starting phase of the flagella. */

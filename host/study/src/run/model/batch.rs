@@ -4,8 +4,8 @@ use super::{Course, Model, ModelError, trial};
 use crate::plan::{Plan, Trial};
 use crate::progress::Progress;
 use crate::session::{Session, UNFINISHED};
-use biflag_log::SteadyMeta;
 use biflag_log::atomic_file::sync_folder_of;
+use biflag_log::{LogError, SteadyMeta};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -100,6 +100,10 @@ impl<'a> Batch<'a> {
                 let run = ModelRun { trial: trial.clone(), log, wall_s: begun.elapsed().as_secs_f64(), result };
                 self.progress.line(&line(&run));
                 Ok(run)
+            }
+            Err(ModelError::Log(LogError::Write { source, .. })) => {
+                remove(&unfinished)?;
+                Err(LogError::Write { path: log, kept: 0, source }.into())
             }
             Err(error) => {
                 remove(&unfinished)?;

@@ -66,7 +66,8 @@ impl PhaseMeans {
             simulated_s: phases.iter().map(|s| s.simulated_s).sum(),
             kind: phases.iter().filter_map(|s| s.kind).max(),
         };
-        let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle));
+        // Without an angle at one phase there is no spread: a product with NaN is NaN.
+        let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle) + 0.0 * mean(&angle));
         Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }
     }
 }
@@ -86,6 +87,9 @@ impl fmt::Display for PhaseMeans {
         let means = [yaw_deg, pitch_deg, roll_deg].map(|deg| decimal(*deg, 2));
         let spreads = self.phase_spread_deg.map(|deg| decimal(deg, 2));
         let phases = count(self.phases, "phase");
+        if self.steady.is_overturned() {
+            return write!(f, "{}: overturned, at one of {phases} or more", self.name);
+        }
         write!(f, "{}: mean and spread over {phases}: yaw {}° ({}°)", self.name, means[0], spreads[0])?;
         write!(f, ", pitch {}° ({}°), roll {}° ({}°)", means[1], spreads[1], means[2], spreads[2])?;
         if *settled { Ok(()) } else { write!(f, ", not settled") }
