@@ -262,7 +262,10 @@ fn session_is_exported_as_a_table_and_a_file_per_trial() {
     let budget = std::fs::read_to_string(export.join("budget.csv")).unwrap();
     assert!(column(&budget, "trial").iter().all(|trial| trial == "001_w1+50_w2+10"), "{budget}");
     let trials = std::fs::read_to_string(export.join("trials.csv")).unwrap();
-    assert_eq!(column(&trials, "trial"), ["001_w1+50_w2+10"]);
+    assert_eq!(
+        (column(&trials, "trial"), column(&trials, "origin")),
+        (vec!["001_w1+50_w2+10".to_owned()], vec!["emulated".to_owned()])
+    );
     assert_eq!((column(&trials, "lost"), column(&trials, "complete")), (vec!["3".to_owned()], vec!["1".to_owned()]));
     let info = json(&biflag(&["info", path(&log), "--json"]));
     let yaw = info["angles"]["yaw_deg"].as_f64().unwrap();

@@ -60,20 +60,21 @@ fn a_camera_agrees_with_the_trial_that_it_saw() {
     let (start, end) = (number(&said["run_start_s"]), number(&said["run_end_s"]));
     assert!((start - 45.0).abs() < 0.11 && (end - 76.0).abs() < 0.4, "{said}");
     assert!((number(&said["w1_rpm"]) + 37.3).abs() < 0.02 && (number(&said["w2_rpm"]) + 12.9).abs() < 0.02, "{said}");
-    assert_eq!(said["yaw_uncertainty_deg"], 0.3, "{said}");
+    assert_eq!((&said["yaw_uncertainty_deg"], &said["origin"]), (&0.3.into(), &"import".into()), "{said}");
     // Without --columns it asks for them, and without -o the log has the name of the table.
     let asked = biflag(folder, &["import", "camera.csv"]);
     let (said_of_it, stderr) = (code(&asked), String::from_utf8_lossy(&asked.stderr).into_owned());
     assert!(said_of_it == Some(2) && stderr.contains("camera.csv has the columns "), "{stderr}");
     // The log is a trial: what every command says of it is the same.
     let info = json(&biflag(folder, &["info", "camera.mcap", "--json"]));
-    assert_eq!((&info["origin"], &info["angles"]["yaw_deg"]), (&"imported".into(), &said["yaw_deg"]), "{info}");
+    assert_eq!((&info["origin"], &info["angles"]["yaw_deg"]), (&"import".into(), &said["yaw_deg"]), "{info}");
     let both = |args: &[&str]| {
         let output = biflag(folder, &[args, &["--anyway", "--json"]].concat());
         assert!(matches!(code(&output), Some(0 | 3)), "{output:?}");
         json(&output)["trials"][0].clone()
     };
     for compared in [both(&["compare", "camera.mcap", own]), both(&["compare", "camera.mcap"])] {
+        assert_eq!(compared["origin"], serde_json::json!(["import", "model"]), "{compared}");
         for (key, most) in [("yaw_rmse_deg", 0.3), ("pitch_rmse_deg", 0.15), ("steady_yaw_error_deg", 0.15)] {
             assert!(number(&compared[key]).abs() < most, "{key}: {compared}");
         }

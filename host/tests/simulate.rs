@@ -6,7 +6,7 @@ use biflag_log::{Body, Condition, ModelMeta, Origin, Reader};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 /// Four short trials, whose runs are too short to settle.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0.5\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
@@ -313,12 +313,16 @@ fn wrong_use_is_reported_and_writes_nothing() {
             "tight.toml:2:20: base.motor_distance_m = 0.01: the flagella touch",
         ),
         (vec!["missing.toml"], "missing.toml: the plan cannot be read"),
+        (vec!["plan.tmol"], "did you mean plan.toml?"),
+        (vec!["plan.toml", "--robot", "physcal"], "did you mean physical?"),
+        (vec!["50,-10"], "--speeds=50,-10, simulate with --duration 120"),
+        (vec!["--speeds=50,10", "--duration", "1,5"], "write a decimal point: 1.5"),
         (vec!["."], "--out . --resume` goes on with a session"),
         (vec![], "required"),
         (vec!["--speeds=50,10"], "--duration"),
         (vec!["--speeds=50", "--duration", "1"], "give two speeds"),
         (vec!["--speeds=50,500", "--duration", "1"], "500 rpm is beyond ±90 rpm"),
-        (vec!["--speeds=50,10", "--duration", "0"], "give 0.005 to 86400 s"),
+        (vec!["--speeds=50,10", "--duration", "0"], "give seconds, 0.005 to 86400"),
         (vec!["--duration", "1"], "arguments were not provided:\n  --speeds <W1,W2>\n\nUsage"),
         (vec!["plan.toml", "--duration", "1"], "cannot be used with"),
         (vec!["--from", "short", "--duration", "1"], "cannot be used with"),
@@ -326,8 +330,8 @@ fn wrong_use_is_reported_and_writes_nothing() {
         (vec!["plan.toml", "--closure", "held"], "full, lumped, paper"),
         (vec!["plan.toml", "--phase", "0,90"], "cannot be used with"),
         (vec!["--from", "short", "--phase", "0,90"], "cannot be used with"),
-        (vec!["--speeds=50,10", "--duration", "1", "--phase", "90"], "give two angles from -360 to 360 degrees"),
-        (vec!["--speeds=50,10", "--duration", "1", "--phase", "0,nan"], "give two angles from -360 to 360 degrees"),
+        (vec!["--speeds=50,10", "--duration", "1", "--phase", "90"], "give two angles in degrees"),
+        (vec!["--speeds=50,10", "--duration", "1", "--phase", "0,nan"], "give two angles in degrees"),
         (vec!["plan.toml", "--shard", "3/2"], "1/8"),
         (vec!["plan.toml", "--shard", "0/2"], "1/8"),
         (vec!["plan.toml", "--jobs", "0"], "1..=1024"),
@@ -339,6 +343,61 @@ fn wrong_use_is_reported_and_writes_nothing() {
         assert!(stderr.contains(message), "{args:?}: {stderr}");
     }
     assert!(!folder.join("short").exists());
+}
+
+/// A log that is not whole is removed, and nothing of it is promised.
+#[test]
+fn full_disk_keeps_what_it_says() {
+    let bench = bench();
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' XFSZ; ulimit -f 100; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_biflag"), "simulate"]);
+    let output = shell.args(["plan.toml", "--rate", "1000"]).current_dir(bench.path()).output().unwrap();
+    expect(&output, 1);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains(".mcap: cannot be written; 0 bytes were kept") && !stderr.contains("recover"), "{stderr}");
+    let left = std::fs::read_dir(bench.path().join("short")).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(left.collect::<Vec<_>>(), ["session.toml"]);
+}
+
+/// A base whose weight does not hold it upright: no command has an angle of it.
+#[test]
+fn a_robot_that_turns_over_has_no_angles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("light.toml"), "[base]\nmass_centre_below_joint_m = -0.02\n").unwrap();
+    let run = |args: &[&str], code: i32| {
+        let output = biflag(folder, args);
+        expect(&output, code);
+        output
+    };
+    let simulate = ["simulate", "--speeds=50,10", "--duration", "12", "--robot", "light.toml", "--out", "s"];
+    let output = run(&simulate, 3);
+    assert!(
+        String::from_utf8_lossy(&output.stderr).contains(": overturned, so it has no steady attitude"),
+        "{output:?}"
+    );
+    let trial = json(&run(&[&simulate[..], &["--resume", "--json"]].concat(), 3))["trials"][0].clone();
+    assert_eq!(
+        (&trial["kind"], &trial["settled"], &trial["origin"]),
+        (&"overturned".into(), &false.into(), &"model".into())
+    );
+    for key in ["yaw_deg", "pitch_deg", "roll_deg", "tilt_deg", "yaw_se_deg"] {
+        assert!(trial[key].is_null(), "{key}: {trial}");
+    }
+    assert!(trial["force1_n"][2].is_number(), "{trial}");
+    let log = "s/001_w1+50_w2+10.mcap";
+    let info = json(&run(&["info", log, "--json"], 3));
+    assert!(info["angles"].is_null() && info["steady"]["yaw_deg"].is_null(), "{info}");
+    assert_eq!(
+        (&info["steady"]["kind"], &info["findings"][0]["grave"]),
+        (&"overturned".into(), &true.into()),
+        "{info}"
+    );
+    let export = json(&run(&["export", "s", "-o", "e", "--json"], 3));
+    assert_eq!(export["trials"], serde_json::json!([{ "name": "001_w1+50_w2+10", "origin": "model" }]), "{export}");
+    let fitted = run(&["calibrate", log, "-o", "fitted.toml"], 1);
+    assert!(String::from_utf8_lossy(&fitted.stderr).contains("the robot overturned"), "{fitted:?}");
+    run(&["report", "s"], 3);
 }
 
 #[test]
@@ -359,7 +418,7 @@ fn session_is_resumed_only_with_its_model() {
     assert!(run(&["--resume", "--rate", "50"], 2).contains("computed with 20 samples per second"));
     let other = biflag(folder, &["simulate", "plan.toml", "--out", "soft", "--resume"]);
     expect(&other, 2);
-    assert!(String::from_utf8_lossy(&other.stderr).contains("the robot differ"));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("the robot differs"));
     run(&["--resume"], 3);
     assert_eq!(logs(&folder.join("soft")).len(), 4);
     let mut log = Reader::open(&folder.join("soft/001_w1+50_w2+10.mcap")).unwrap();

@@ -27,6 +27,16 @@ pub enum Origin {
 }
 
 impl Origin {
+    /// Returns its name in tables and in JSON. Logs have other names for some, which older programs read.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rig => "rig",
+            Self::VirtualRig => "emulated",
+            Self::Model => "model",
+            Self::Imported => "import",
+        }
+    }
+
     /// Returns whether a board recorded the trial: real or emulated, with its sensor.
     pub fn is_recorded(self) -> bool {
         matches!(self, Self::Rig | Self::VirtualRig)

@@ -17,7 +17,7 @@ def test_angles_are_those_of_the_commands(recorded: Path) -> None:
     for name, log in session.logs.items():
         theirs = biflag_json("info", str(log))["angles"]
         recording = session[name]
-        assert recording.steady is not None and recording.complete and recording.origin == "virtual_rig"
+        assert recording.steady is not None and recording.complete and recording.origin == "emulated"
         for key in ("yaw_deg", "pitch_deg", "roll_deg", "yaw_uncertainty_deg", "drift_deg", "settled"):
             assert getattr(recording.steady, key) == theirs[key], key
 

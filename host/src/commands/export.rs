@@ -61,6 +61,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "format": args.format.extension(),
         "output": output.to_string_lossy(),
         "files": exported.files.iter().map(|file| file.to_string_lossy()).collect::<Vec<_>>(),
+        "trials": exported.trials.iter().map(|(name, origin)| json!({ "name": name, "origin": origin })).collect::<Vec<_>>(),
         "rows": exported.rows,
         "clean": clean,
         "findings": exported.findings,

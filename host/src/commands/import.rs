@@ -1,7 +1,7 @@
 //! `biflag import`: a trial that other instruments measured, as a log.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::{pair, span, speeds};
+use super::options::{pair, span, speeds, within};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long, value_name = "YAW,TILT", value_parser = uncertainty)]
     uncertainty: Option<[f64; 2]>,
     /// Temperature of the fluid in °C.
-    #[arg(long, value_name = "C", value_parser = temperature, allow_hyphen_values = true)]
+    #[arg(long, value_name = "C", value_parser = within("°C", -20.0..=100.0), allow_hyphen_values = true)]
     temperature: Option<f64>,
     /// Anything worth knowing later.
     #[arg(long, default_value = "")]
@@ -65,10 +65,6 @@ fn uncertainty(text: &str) -> Result<[f64; 2], String> {
     let form = "give two uncertainties in degrees, of the yaw and of pitch and roll, such as 0.5,0.2";
     let one = |text: &str| text.parse().ok().filter(|deg| (1e-6..=180.0).contains(deg)).ok_or_else(|| form.to_owned());
     pair(text, form, one)
-}
-
-fn temperature(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|celsius| (-20.0..=100.0).contains(celsius)).ok_or_else(|| "give -20 to 100 °C".to_owned())
 }
 
 /// Asks for the columns of a table.
@@ -120,6 +116,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let log = output.to_string_lossy();
     let mut body = json!({
         "log": log,
+        "origin": data.origin().name(),
         "samples": samples,
         "left_out": states.left_out,
         "columns": mapping.to_string(),

@@ -8,7 +8,7 @@ use crate::text::{self, count, decimal, word};
 use crate::trial::{
     AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings, scatter_of_repeats,
 };
-use biflag_log::{Condition, End, LinkStats, LogError, Summary};
+use biflag_log::{Condition, End, LinkStats, LogError, Origin, Summary};
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::{Display, Write};
@@ -47,7 +47,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "resyncs": data.link.resyncs,
         "retries": data.link.retries,
         "losses": data.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "origin": records.identity.as_ref().map(|identity| identity.origin),
+        "origin": records.identity.as_ref().map(|identity| identity.origin.name()),
         "created": records.identity.as_ref().map(|identity| &identity.created),
         "trial": records.trial.as_ref().map(|_| data.trial()),
         "end": records.summary.as_ref().map(|summary| summary.end),
@@ -219,6 +219,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "w1_rpm": w1_rpm,
             "w2_rpm": w2_rpm,
             "log": attempt.map(|attempt| attempt.path.to_string_lossy()),
+            "origin": row.origin.map(Origin::name),
             "attempts": state.attempts.len(),
             "complete": state.complete().is_some(),
             "losses": attempt.map(|attempt| &attempt.losses),
@@ -257,6 +258,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
 /// A trial of a session after reading its complete log.
 struct Row {
     state: TrialState,
+    origin: Option<Origin>,
     angles: Option<Angles>,
     findings: Vec<Finding>,
     link: LinkStats,
@@ -273,7 +275,7 @@ impl Row {
                     let zeroed = Zeroed::new(&data);
                     let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
                     let repeat = Repeat::new(&data, &zeroed);
-                    return Ok(Self { state, angles, findings, link: data.link, repeat });
+                    return Ok(Self { state, origin: Some(data.origin()), angles, findings, link: data.link, repeat });
                 }
                 Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
                 Err(error) if error.is_of_reading() => return Err(error),
@@ -282,12 +284,12 @@ impl Row {
             state.damaged(&attempt.path, &losses);
         }
         // What other commands take of a trial that is not complete, and what they say about it.
-        let (findings, link) = match state.attempts.last().map(|last| last.read(Want::default())) {
-            Some(Ok(data)) => (findings(&data, &Zeroed::new(&data)), data.link),
+        let (origin, findings, link) = match state.attempts.last().map(|last| last.read(Want::default())) {
+            Some(Ok(data)) => (Some(data.origin()), findings(&data, &Zeroed::new(&data)), data.link),
             Some(Err(error)) if error.is_of_reading() => return Err(error),
-            Some(Err(_)) | None => (Vec::new(), LinkStats::default()),
+            Some(Err(_)) | None => (None, Vec::new(), LinkStats::default()),
         };
-        Ok(Self { state, angles: None, findings, link, repeat: None })
+        Ok(Self { state, origin, angles: None, findings, link, repeat: None })
     }
 }
 

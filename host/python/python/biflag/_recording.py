@@ -80,7 +80,7 @@ class Recording:
 
     >>> recording = biflag.read_session(recorded)["001_w1+50_w2+10"]
     >>> recording.speeds_rpm, recording.origin, recording.time.shape == recording.yaw.shape
-    ((50.0, 10.0), 'virtual_rig', True)
+    ((50.0, 10.0), 'emulated', True)
     """
 
     path: Path
@@ -88,7 +88,7 @@ class Recording:
     speeds_rpm: tuple[float, float]
     """Target speeds of flagella 1 and 2."""
     origin: str
-    """rig, virtual_rig, model or imported."""
+    """rig, emulated, model or import."""
     complete: bool
     """Whether the trial ended as planned and its log is intact."""
     steady: Angles | None

@@ -216,7 +216,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             }
         };
         progress.end_trial(trial.phases.total_s());
-        let mut row = RecordedTrial::of_run(trial, path, &run);
+        let mut row = RecordedTrial::of_run(trial, path, &run, origin);
         if let (Some(turn), Some(angles)) = (plan.hand_turn, &row.angles) {
             let (verdict, agrees) = turn.verdict(angles.turned_deg);
             row.hand_turn = Some(verdict);
@@ -287,7 +287,7 @@ impl Recorded {
             let summary = attempt.summary.clone().unwrap_or_default();
             let data = attempt.read(Want::default())?;
             let zeroed = Zeroed::new(&data);
-            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary, zeroed.angles());
+            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), data.origin(), &summary, zeroed.angles());
             recorded.trials.push(row.ran(data.times.run_s()).with(findings(&data, &zeroed)));
         }
         Ok((recorded, todo))
@@ -347,7 +347,7 @@ fn run_trial(
             return Ok((path, run));
         }
         calibrations += 1;
-        context.progress.line(&RecordedTrial::of_run(trial, path, &run).to_string());
+        context.progress.line(&RecordedTrial::of_run(trial, path, &run, origin).to_string());
         context.progress.line(&format!("{}: {refused}; calibration {calibrations} begins", trial.name));
     }
 }

@@ -4,7 +4,7 @@ use crate::plan::Trial;
 use crate::run::rig::RigRun;
 use crate::text::{count, decimal};
 use crate::trial::{AngleTerm, Angles, Finding};
-use biflag_log::{End, LinkStats, Summary};
+use biflag_log::{End, LinkStats, Origin, Summary};
 use serde::ser::Error as _;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -17,6 +17,7 @@ pub(super) struct RecordedTrial {
     pub w2_rpm: f64,
     #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
+    pub origin: &'static str,
     #[serde(flatten)]
     pub link: LinkStats,
     /// Start of the run on the log's clock, which depends on how long the robot took to come to rest; `None` if the motors
@@ -43,8 +44,8 @@ pub(super) struct RecordedTrial {
 
 impl RecordedTrial {
     /// Returns the row of a trial of this run.
-    pub fn of_run(trial: &Trial, log: PathBuf, run: &RigRun) -> Self {
-        let row = Self::new(trial, log, &run.summary, run.angles.clone());
+    pub fn of_run(trial: &Trial, log: PathBuf, run: &RigRun, origin: Origin) -> Self {
+        let row = Self::new(trial, log, origin, &run.summary, run.angles.clone());
         Self { notes: run.notes.clone(), ..row }.ran(run.run_s).with(run.findings.clone())
     }
 
@@ -61,13 +62,14 @@ impl RecordedTrial {
         Self { findings, ..self }
     }
 
-    pub fn new(trial: &Trial, log: PathBuf, summary: &Summary, angles: Option<Angles>) -> Self {
+    pub fn new(trial: &Trial, log: PathBuf, origin: Origin, summary: &Summary, angles: Option<Angles>) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         Self {
             name: trial.name.clone(),
             w1_rpm,
             w2_rpm,
             log,
+            origin: origin.name(),
             link: summary.link,
             run_start_s: None,
             run_end_s: None,

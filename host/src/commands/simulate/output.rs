@@ -4,7 +4,7 @@ use crate::attitude::tilt_deg;
 use crate::plan::{Plan, Trial};
 use crate::run::model::{ModelRun, PhaseMeans};
 use crate::text;
-use biflag_log::SteadyMeta;
+use biflag_log::{Origin, SteadyMeta};
 use protocol::units::CentiRpm;
 use serde::Serialize;
 use sim::contact::bundling::Bundling;
@@ -40,6 +40,7 @@ pub enum Row {
 
 #[derive(Debug, Serialize)]
 pub struct MeanTrial {
+    pub origin: &'static str,
     #[serde(flatten)]
     pub means: PhaseMeans,
     /// Mean over the phases of the angle between the vertical and the robot's axis.
@@ -70,7 +71,7 @@ impl Row {
                 let wall_s = starts.iter().map(|start| start.wall_s).sum();
                 let means = PhaseMeans::new(trial, &steady);
                 let tilt_deg = steady.iter().map(tilt).sum::<f64>() / steady.len() as f64;
-                rows.push(Self::Mean(MeanTrial { means, tilt_deg, wall_s, starts }));
+                rows.push(Self::Mean(MeanTrial { origin: Origin::Model.name(), means, tilt_deg, wall_s, starts }));
             } else {
                 rows.extend(starts.into_iter().map(Self::One));
             }
@@ -96,6 +97,7 @@ pub struct SimulatedTrial {
     pub phase_deg: Option<[f64; 2]>,
     #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
+    pub origin: &'static str,
     #[serde(flatten)]
     pub steady: Option<SteadyMeta>,
     /// The angle between the robot's axis and the vertical; `null` where there is no steady state.
@@ -110,7 +112,8 @@ impl SimulatedTrial {
     pub fn new(trial: &Trial, log: &Path) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         let (name, phase_deg, log) = (trial.name.clone(), trial.phase_deg, log.to_owned());
-        Self { name, w1_rpm, w2_rpm, phase_deg, log, steady: None, tilt_deg: None, wall_s: None, error: None }
+        let origin = Origin::Model.name();
+        Self { name, w1_rpm, w2_rpm, phase_deg, log, origin, steady: None, tilt_deg: None, wall_s: None, error: None }
     }
 
     /// Sets the steady state.

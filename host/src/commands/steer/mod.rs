@@ -54,6 +54,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let zeroed = Zeroed::new(&data);
     let steered = Steered {
         log,
+        origin: data.origin().name(),
         wanted,
         held: Held::of(&data, &zeroed),
         reached_s: steering.reached_s(),

@@ -13,6 +13,7 @@ use study::steer::{Held, Wanted};
 pub struct Steered {
     #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
+    pub origin: &'static str,
     #[serde(flatten)]
     pub wanted: Wanted,
     /// The means at its end; without keys if there is no attitude in the run.

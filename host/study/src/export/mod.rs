@@ -93,6 +93,8 @@ pub enum ExportError {
 pub struct Exported {
     /// The files written.
     pub files: Vec<PathBuf>,
+    /// Name and origin of each trial.
+    pub trials: Vec<(String, &'static str)>,
     /// Number of rows of all trials.
     pub rows: usize,
     /// Logs that are cut off or damaged, with their losses.
@@ -115,9 +117,9 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     let zeroed = Zeroed::new(&data);
     let rows = write_trial(&data, &zeroed, output, format, replace)?;
     let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
-    let mut exported = Exported { files: vec![output.to_owned()], rows, damaged, findings: Vec::new() };
-    exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
-    Ok(exported)
+    let findings = LogFinding::all_of(&data.path, findings(&data, &zeroed));
+    let trials = vec![(data.trial().name, data.origin().name())];
+    Ok(Exported { files: vec![output.to_owned()], trials, rows, damaged, findings })
 }
 
 /// Exports a session to a folder: one file per trial with a log, a table of the trials, `trials.csv` or `trials.parquet`,
@@ -163,6 +165,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let zeroed = Zeroed::new(&data);
         exported.rows += write_trial(&data, &zeroed, &file, format, replace)?;
         exported.files.push(file);
+        exported.trials.push((state.trial.name.clone(), data.origin().name()));
         exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
         trials.push(Summary::new(&state.trial, &data, &zeroed, name));
     }

@@ -293,6 +293,7 @@ fn with_steady(mut lines: Vec<String>, zeroed: &Zeroed) -> Vec<String> {
 /// A row of the table of a session's trials.
 pub struct Summary {
     name: String,
+    origin: &'static str,
     speeds_rpm: [f64; 2],
     repeat: u32,
     complete: bool,
@@ -310,6 +311,7 @@ impl Summary {
     pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
         Self {
             name: trial.name.clone(),
+            origin: data.origin().name(),
             speeds_rpm: data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds()).map(|speed| speed.rpm()),
             repeat: trial.repeat,
             complete: data.is_complete(),
@@ -367,6 +369,7 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         }),
         text("log", "log of the trial", &|trial| trial.log.clone()),
         text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
+        text("origin", "where it ran: rig, emulated (board), import or model", &|trial| trial.origin.to_owned()),
         text("findings", "what was found about the trial", &|trial| {
             trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         }),

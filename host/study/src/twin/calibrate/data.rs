@@ -29,6 +29,7 @@ pub struct FitTrial {
     pub(super) name: String,
     pub(super) path: PathBuf,
     pub(super) sha256: String,
+    pub(super) origin: Origin,
     pub(super) temperature_c: f64,
     /// Mounting of the sensor: pitch and roll at rest, degrees.
     pub(super) askew_deg: [f64; 2],
@@ -43,8 +44,6 @@ pub struct FitTrial {
     pub(super) ratio: Option<Ratio>,
     /// Whether it was recorded on a rig, with unknown starting angles of the flagella.
     pub(super) is_of_rig: bool,
-    /// Whether other instruments measured it.
-    pub(super) is_imported: bool,
     /// Number of the board and of its start. Its encoders count from that start.
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
@@ -115,6 +114,7 @@ impl FitTrial {
             name: data.trial().name,
             path: data.path.clone(),
             sha256: data.sha256.clone().unwrap_or_default(),
+            origin: data.origin(),
             temperature_c: data.temperature_c,
             askew_deg: [zeroed.zero_deg[1], zeroed.zero_deg[2]],
             findings,
@@ -123,7 +123,6 @@ impl FitTrial {
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
             is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
-            is_imported: data.origin() == Origin::Imported,
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
             errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),

@@ -162,6 +162,7 @@ fn fit(
         name: trials[i].name.clone(),
         log: trials[i].path.clone(),
         sha256: trials[i].sha256.clone(),
+        origin: trials[i].origin.name(),
         rmse_before_deg: errors_before[i].each_ref().map(|block| rms(std::iter::once(block))),
         rmse_after_deg: errors[i].each_ref().map(|block| rms(std::iter::once(block))),
     };

@@ -9,6 +9,7 @@
 use super::data::FitTrial;
 use super::problem::Problem;
 use super::{Parameter, TwinError, failed};
+use biflag_log::Origin;
 use rayon::prelude::*;
 use sim::params::Robot;
 use sim::steady::phase::Ratio;
@@ -31,7 +32,7 @@ pub(super) fn with_both(requested: &[Parameter], trials: &[FitTrial]) -> Result<
     }
     let starts: BTreeSet<_> = trials.iter().map(|trial| trial.board_start).collect();
     if trials.len() > 1
-        && let Some(trial) = trials.iter().find(|trial| trial.is_imported)
+        && let Some(trial) = trials.iter().find(|trial| trial.origin == Origin::Imported)
     {
         let reason = format!("{} was imported: how its flagella stood has nothing to do with other trials", trial.name);
         return Err(failed(&reason, "fit the phase to one imported trial alone"));
@@ -50,7 +51,7 @@ pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Paramete
     let is_known = start.flagellum.phase_deg != [0.0; 2] || parameters.iter().any(|parameter| parameter.is_phase());
     let depending = trials.iter().filter(|trial| trial.is_of_rig && trial.ratio.is_some()).count();
     (!is_known && depending > 0).then(|| {
-        let cure = match trials.len() > 1 && trials.iter().any(|trial| trial.is_imported) {
+        let cure = match trials.len() > 1 && trials.iter().any(|trial| trial.origin == Origin::Imported) {
             true => "fit it to each imported trial alone, with --fit phase",
             false => "fit it too, with `phase` in --fit",
         };

@@ -39,6 +39,8 @@ pub struct Fitted {
     pub log: PathBuf,
     /// SHA-256 of the log.
     pub sha256: String,
+    /// Where it ran.
+    pub origin: &'static str,
     /// Root mean square errors of yaw, pitch and roll with the initial parameters.
     pub rmse_before_deg: [f64; 3],
     /// The same with the fitted parameters.

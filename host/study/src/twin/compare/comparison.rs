@@ -56,6 +56,8 @@ pub struct Comparison {
     pub findings: Vec<LogFinding>,
     /// The kinds of the two trials.
     pub sides: Sides,
+    /// Where both ran.
+    pub origin: [&'static str; 2],
     /// The differences as text.
     pub verdict: String,
     /// Warnings about the comparison itself.

@@ -43,6 +43,7 @@ struct Keys<'a> {
     beyond_chance: bool,
     findings: &'a [LogFinding],
     sides: Sides,
+    origin: [&'static str; 2],
     verdict: &'a str,
     warnings: &'a [String],
 }
@@ -90,6 +91,7 @@ impl Serialize for Comparison {
             beyond_chance: self.is_beyond_chance,
             findings: &self.findings,
             sides: self.sides,
+            origin: self.origin,
             verdict: &self.verdict,
             warnings: &self.warnings,
         };

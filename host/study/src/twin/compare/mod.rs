@@ -168,6 +168,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         is_beyond_chance: false,
         findings: [findings_of(measured), findings_of(modelled)].concat(),
         sides: Sides::of(a, b),
+        origin: [a, b].map(|data| data.origin().name()),
         verdict: String::new(),
         warnings,
         sensors: pair.sensors(),
