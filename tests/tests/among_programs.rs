@@ -57,14 +57,14 @@ fn ctrl_c_on_the_terminal_ends_a_recording_on_the_emulated_board() {
     assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
 }
 
-/// A terminal's Ctrl-\\ ends the program without a word, and its board with it.
+/// A terminal's Ctrl-\ ends the program without a word, and its board with it.
 #[test]
 fn board_ends_with_a_program_that_is_killed() {
     let bench = Bench::new();
     for (command, arguments) in [("record", ["--speeds=50,10", "--run=60"]), ("steer", ["--yaw=-67", "--pitch=-4"])] {
         let mut killed =
             shell(&bench, "exec \"$0\" \"$@\"", &[command, arguments[0], arguments[1], "--virtual", "--out", command]);
-        wait_for_line(&mut killed, "wait until still");
+        wait_for_line(&mut killed, "001_w1");
         let board = board_of(&killed);
         signal_group(&killed, Signal::QUIT);
         assert!(!killed.wait().unwrap().success());
