@@ -65,7 +65,7 @@ fn apart(angle: &AngleComparison, sides: Sides) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::twin::{Difference, Transient, Uncertainty};
+    use crate::twin::{Transient, Uncertainty};
 
     /// A trial whose yaw is `yaw[0]` measured and `yaw[1]` modelled; 0.5° are allowed.
     fn trial(yaw: [f64; 2], sides: Sides) -> Comparison {
