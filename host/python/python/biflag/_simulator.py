@@ -118,8 +118,7 @@ class Simulator:
     def restore(self, saved: bytes) -> State:
         """Puts the robot back to what :meth:`save` returned, and returns its state.
 
-        The simulator goes on bit for bit, also in another process. A state of another robot, closure or ``like_rig`` raises
-        :class:`ParameterError`.
+        It goes on bit for bit, also in another process. A state of another robot, closure or ``like_rig`` is refused.
         """
         self._simulators.restore(0, saved)
         return self.state
