@@ -39,7 +39,7 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     // The results alone, on five pages: a form feed ends each.
     let text = printed(&mut browser, "comparison.pdf");
     let at = |words: &str| text.find(words).unwrap();
-    assert!(at("Steady error, yaw") < at("001_w1+50_w2+10 at"), "the session is printed first: {text}");
+    assert!(at("RMS error,") < at("001_w1+50_w2+10 at"), "the session is printed first: {text}");
     assert_eq!(
         browser.evaluate("document.querySelector('main').compareDocumentPosition(document.querySelector('aside')) & 4"),
         json!(4),

@@ -38,9 +38,9 @@ impl Mark {
     fn draw(self, sheet: &mut Sheet, [x, y]: [f64; 2], colour: &str) {
         match self {
             Self::Cross => {
-                let (x, y) = (short(x - CROSS_PT), short(y - CROSS_PT));
-                for (colour, width) in [("#ffffff", 2.6), (INK, 2.0), (colour, 1.2)] {
-                    sheet.path(&format!("M{x} {y}l4 4m-4 0l4 -4"), Stroke(colour, width, ""));
+                for (half, width, colour) in [(2.9, 2.4, "#ffffff"), (2.6, 1.7, INK), (2.2, 0.9, colour)] {
+                    let (x, y, size) = (short(x - half), short(y - half), short(2.0 * half));
+                    sheet.path(&format!("M{x} {y}l{size} {size}m-{size} 0l{size} -{size}"), Stroke(colour, width, ""));
                 }
             }
             Self::Ring => sheet.dot([x, y], 0.9, "#ffffff", Stroke(INK, 0.4, "")),
@@ -62,8 +62,7 @@ pub(super) struct Map<'a> {
     pub unknown: &'a [[f64; 2]],
 }
 
-/// Half the widths of a cross and of a square, pt.
-const CROSS_PT: f64 = 2.0;
+/// Half the width of a square, pt.
 const SQUARE_PT: f64 = 1.1;
 
 /// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
@@ -202,7 +201,7 @@ fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], (leas
             let of_height = [y - panel.top, panel.bottom() - y].map(|room| room - 0.5 * FONT_PT);
             let between =
                 |u: f64, v: f64, [width, height]: [f64; 2]| ((x - u).abs() - width).max((y - v).abs() - height);
-            let of_marks = marks.iter().map(|[u, v]| between(*u, *v, [half + CROSS_PT, 0.5 * FONT_PT + CROSS_PT]));
+            let of_marks = marks.iter().map(|[u, v]| between(*u, *v, [half + SQUARE_PT, 0.5 * FONT_PT + SQUARE_PT]));
             let of_labels = labels.iter().map(|[u, v]| between(*u, *v, [2.5 * half, FONT_PT]));
             of_frame.into_iter().chain(of_height).chain(of_marks).chain(of_labels).fold(f64::INFINITY, f64::min)
         };

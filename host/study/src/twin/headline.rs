@@ -91,7 +91,7 @@ mod tests {
             ([-48.5, -67.4], MeasurementAndModel, "The model turns 19° too far at (50, 10) rpm."),
             ([48.5, 43.2], MeasurementAndModel, "The model turns 5.3° too little at (50, 10) rpm."),
             ([-20.0, 10.0], MeasurementAndModel, "The model turns by 10°, the measurement by -20° at (50, 10) rpm."),
-            ([-0.1, 0.8], Models, "The second model turns 0.90° further than the first model at (50, 10) rpm."),
+            ([-0.05, 0.8], Models, "The second model turns 0.85° further than the first model at (50, 10) rpm."),
             ([9.0, 8.0], ModelAndMeasurement, "The measurement turns 1.0° less than the model at (50, 10) rpm."),
             ([9.0, 9.1], Recordings, "The two recordings agree within noise."),
         ] {

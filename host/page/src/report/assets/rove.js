@@ -17,5 +17,5 @@ biflag.rove = (group) => {
   });
 };
 
-/** The groups of an element: the buttons of a view and of the axis, of a chart's caption, of a table's head, the points of a map, and the trials. */
-biflag.roveIn = (element) => element.querySelectorAll("div.tools, .charts figcaption, .head, thead tr, .maps svg, .trials tbody").forEach((group) => group.querySelector("button, a") && biflag.rove(group));
+/** The groups of an element: the buttons of a view and of the axis, of a chart's caption, of a table's head, the trials, and of a map its buttons and points. */
+biflag.roveIn = (element) => element.querySelectorAll("div.tools, .charts figcaption, thead tr, .maps figure, .trials tbody").forEach((group) => group.querySelector("button, a") && biflag.rove(group));
