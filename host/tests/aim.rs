@@ -210,7 +210,7 @@ fn wrong_use_is_told() {
         (vec!["--yaw", "nan", "--tilt", "1"], "yaw cannot be NaN"),
         (vec!["--yaw", "60", "--pitch", "1", "--table", path(&table)], "it has no column w1_rpm"),
         (vec!["--yaw", "60", "--pitch", "1", "--robot", "missing.toml"], "cannot be read"),
-        (vec!["--yaw", "60", "--pitch", "1", "--for", "0"], "must be above 0"),
+        (vec!["--yaw", "60", "--pitch", "1", "--for", "0"], "give seconds"),
     ] {
         let (output, json) = biflag(&args);
         assert_eq!(output.status.code(), Some(2), "{args:?}: {json}");

@@ -270,10 +270,10 @@ fn folder_contains_the_session_of_one_plan() {
     let patient = plan("[board]\ndeadline_ms = 900\n[speeds]\npairs = [[50, 10], [0, 45]]\n");
     Session::resume(folder.path(), &patient).unwrap();
     for (text, expected) in [
-        ("[speeds]\npairs = [[50, 10]]", "the speeds, starting phases, repeats or seed"),
-        ("[trial]\nrun = 60\n[speeds]\npairs = [[50, 10], [0, 45]]", "the durations of [trial]"),
-        ("[board]\nspeed_kp = 2\n[speeds]\npairs = [[50, 10], [0, 45]]", "the settings of [board]"),
-        ("[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10], [0, 45]]", "the robot"),
+        ("[speeds]\npairs = [[50, 10]]", "the speeds, starting phases, repeats or seed differ"),
+        ("[trial]\nrun = 60\n[speeds]\npairs = [[50, 10], [0, 45]]", "the durations of [trial] differ"),
+        ("[board]\nspeed_kp = 2\n[speeds]\npairs = [[50, 10], [0, 45]]", "the settings of [board] differ"),
+        ("[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10], [0, 45]]", "the robot differs"),
     ] {
         match Session::resume(folder.path(), &plan(text)) {
             Err(SessionError::OtherPlan { difference, .. }) => assert_eq!(difference, expected),
