@@ -317,7 +317,7 @@ fn errors_in_the_session_and_board_tables_have_line_and_help() {
     expect(dotted, "plan.toml:1:18: low_pass cannot be 7", low_pass);
     let unknown = parse("[speeds]\npairs = [[50, 10]]\n[board]\nlowpass = 3").unwrap_err();
     assert_eq!(unknown.to_string(), "plan.toml:4:1: unknown key `lowpass`");
-    assert_eq!(unknown.help().unwrap().to_string(), "did you mean low_pass?");
+    assert!(unknown.help().unwrap().to_string().contains("did you mean low_pass?"));
 }
 
 #[test]
