@@ -45,6 +45,11 @@ const RESERVE_BYTES: f64 = 50e6;
 /// The board measures its supply once a second.
 const SUPPLY_TIMEOUT: Duration = Duration::from_secs(3);
 
+/// Returns a size on the disk as text.
+fn size(bytes: f64) -> String {
+    if bytes < 1e9 { format!("{:.0} MB", bytes * 1e-6) } else { format!("{:.1} GB", bytes * 1e-9) }
+}
+
 /// Why the motors may not turn.
 #[derive(Debug, Error, Diagnostic, PartialEq)]
 pub enum PreflightError {
@@ -59,8 +64,8 @@ pub enum PreflightError {
     },
     /// The disk is too small for the plan.
     #[error(
-        "{} has room for {:.0} MB of logs besides a reserve of {:.0} MB, and the rest of the plan needs up to {:.0} MB",
-        .folder.display(), *.free_bytes * 1e-6, RESERVE_BYTES * 1e-6, *.needed_bytes * 1e-6
+        "{} has room for {} of logs besides a reserve of {}, and the rest of the plan needs up to {}",
+        .folder.display(), size(*.free_bytes), size(RESERVE_BYTES), size(*.needed_bytes)
     )]
     #[diagnostic(help("delete files on that disk, or choose another one with --out"))]
     DiskFull {
