@@ -59,8 +59,9 @@ fn from_rows(csv: &str) -> Angles {
 }
 
 fn page_numbers(page: &Path) -> String {
-    // The visible text, with an ASCII minus.
-    std::fs::read_to_string(page).unwrap().replace('−', "-")
+    // Of the text and of the sections in the data of a session, with an ASCII minus.
+    let page = std::fs::read_to_string(page).unwrap().replace('−', "-");
+    page.replace("\\u003c", "<").replace("\\u003e", ">").replace("\\\"", "\"")
 }
 
 /// Compares the steady angles of a session's trials in all outputs.
