@@ -23,7 +23,14 @@ unset LD_LIBRARY_PATH
 
 root=$(cd "$(dirname "$0")/.." && pwd)
 # By content: a checkout changes times, and a copy has its own.
-sources=$(cd "$root" && find firmware protocol Cargo.toml Cargo.lock -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-64)
+of_sources() {
+    (cd "$root" && find firmware protocol Cargo.toml Cargo.lock -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-64)
+}
+sources=$(of_sources)
+if [ ${#sources} -ne 64 ]; then
+    echo "The sources of the firmware cannot be hashed; install coreutils and findutils." >&2
+    exit 1
+fi
 if [ "${1-}" = --sources ]; then
     echo "$sources"
     exit 0
@@ -65,6 +72,10 @@ fi
 cd "$root/firmware"
 echo "Building the firmware with $found" >&2
 $cargo build --locked --profile avr --bin firmware --target-dir "$root/target" >&2
+if [ "$(of_sources)" != "$sources" ]; then
+    echo "The sources of the firmware changed while it was built; build it again." >&2
+    exit 1
+fi
 
 # Tests build in parallel and load the image meanwhile: replace it atomically, and only if it has changed.
 built=$root/target/avr-none/avr/firmware.elf

@@ -7,7 +7,7 @@ use std::process::{Child, Command};
 use tests::{Bench, Run};
 
 /// Workers at once, each with a shard.
-const WORKERS: usize = 100;
+const WORKERS: usize = 40;
 
 /// Merges at once.
 const MERGES: usize = 9;

@@ -95,7 +95,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
     if let Some(identity) = &records.identity {
         lines.add("created", &identity.created);
         let program = format!("biflag {} ({})", identity.host_version, identity.host_git_hash);
-        lines.add("by", format!("{program}, protocol {}, {}", identity.protocol, word(&identity.origin)));
+        lines.add("by", format!("{program}, protocol {}, {}", identity.protocol, identity.origin.name()));
     }
     if let Some(plan) = &records.plan {
         lines.add("session", format!("{}, {}", plan.name, count(plan.trials, "trial")));

@@ -26,6 +26,11 @@ pub(super) struct SensorArgs {
 }
 
 impl SensorArgs {
+    /// Returns whether neither errors nor seed were given.
+    pub(super) fn is_default(&self) -> bool {
+        self.sensor.is_none() && self.seed.is_none()
+    }
+
     /// Returns the seed; `seed_of_plan` is used if none was given.
     pub(super) fn seed(&self, seed_of_plan: Option<u64>) -> u64 {
         self.seed.or(seed_of_plan).unwrap_or(1)

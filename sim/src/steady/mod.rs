@@ -217,7 +217,8 @@ fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
     let scale = (distance / changes.fold(0.0, f64::max)).min(slowest);
     let set = |(now, before): (&mut Level, &Level)| {
-        now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs());
+        // A period in which the robot turned over tells no error.
+        now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs()).filter(|error| error.is_finite());
     };
     steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
     steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()).for_each(set);

@@ -42,6 +42,10 @@ pub fn agrees(
             return Ok((witness, false));
         }
         let now = witness.window_summary().steady;
+        // Without angles there is no difference of them: the trial decides.
+        if now.is_overturned() || found.is_overturned() {
+            return Ok((witness, false));
+        }
         let difference = distance(&now, found, found);
         let first = earlier.as_ref().map_or(difference, |(first, _)| *first);
         if difference <= (FALLEN * first).max(1.0) {

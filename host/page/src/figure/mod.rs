@@ -24,7 +24,7 @@ pub use sweep::{Lines, lines};
 
 use crate::film::FilmError;
 use crate::swept;
-use biflag_log::LogError;
+use biflag_log::{LogError, Origin};
 use map::{Map, Mark, Point};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
@@ -373,12 +373,12 @@ pub fn map(
         .zip(&maps)
         .map(|(title, (surface, points))| Map { title, surface, points, unknown: &unknown })
         .collect();
-    let whose = if of_points.is_measured { "measured".to_owned() } else { session.display().to_string() };
+    let whose = of_points.measured.map_or_else(|| session.display().to_string(), str::to_owned);
     let unsettled = surface.iter().chain(&points).any(|trial| !trial.is_settled);
     let legend = [
         (Mark::Cross, !points.is_empty(), format!("{whose}, in the colours of the map")),
         (Mark::Ring, unsettled, "not settled, or more than 0.3° apart for other starting phases".to_owned()),
-        (Mark::Square, !unknown.is_empty(), "not settled, mean not known".to_owned()),
+        (Mark::Square, !unknown.is_empty(), "mean not known: not settled, or overturned".to_owned()),
     ];
     let legend: Vec<(Mark, String)> =
         legend.into_iter().filter(|(_, is_there, _)| *is_there).map(|(mark, _, text)| (mark, text)).collect();
@@ -461,7 +461,7 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
             angles.map(|a| AtSpeeds::of_trial(speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], is_settled, ()));
         let log = angles.is_some().then(|| Provenance::log(&data));
         let maker = angles.as_ref().and_then(|_| Maker::of(&data).ok());
-        Ok((angles, found, log, maker.map(|maker| (maker, data.is_model()))))
+        Ok((angles, found, log, maker.map(|maker| (maker, data.origin()))))
     };
     let (mut trials, mut first) = (Vec::new(), None);
     for (angles, found, log, maker) in attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()? {
@@ -471,8 +471,12 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         first = first.or(maker);
     }
     let known = mean_of_repeats(trials.into_iter());
-    let is_model = first.as_ref().is_some_and(|(_, is_model)| *is_model);
-    let one_phase = is_model && !has_phases(&session.plan().trials);
-    let maker = first.map(|(maker, _)| maker);
-    Ok(Steady { known, unknown: Vec::new(), one_phase, is_measured: !is_model, maker })
+    let (maker, origin) = first.unzip();
+    let measured = match origin {
+        Some(Origin::Rig | Origin::Imported) => Some("measured"),
+        Some(Origin::VirtualRig) => Some("recorded on the emulated board"),
+        Some(Origin::Model) | None => None,
+    };
+    let one_phase = origin == Some(Origin::Model) && !has_phases(&session.plan().trials);
+    Ok(Steady { known, unknown: Vec::new(), one_phase, measured, maker })
 }

@@ -136,8 +136,8 @@ pub(super) struct Steady {
     pub unknown: Vec<[f64; 2]>,
     /// Whether they hold for one starting phase, where that matters.
     pub one_phase: bool,
-    /// Whether they were measured.
-    pub is_measured: bool,
+    /// What gave them, unless it was the model.
+    pub measured: Option<&'static str>,
     /// The robot, if it is known.
     pub maker: Option<Maker>,
 }
@@ -184,5 +184,5 @@ pub(super) fn steady(
     let folder = folder.map_err(|error| wrong(error.to_string()))?;
     let robot = folder.and_then(|folder| folder.sweep.point(0).robot.ok());
     let maker = robot.map(|robot| Maker { robot, closure: Some(Closure::Full) });
-    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, is_measured: false, maker })
+    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, measured: None, maker })
 }

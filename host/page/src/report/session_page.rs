@@ -92,7 +92,7 @@ impl Session<'_> {
     /// Returns the session in a few numbers, its problems, and remarks.
     fn summary(&self) -> Markup {
         let (problems, mut remarks) = notes(self.rows, self.comparison, self.has_charts);
-        if self.comparison.is_none() && self.views().iter().all(|view| view.is_model()) {
+        if self.comparison.is_none() && !self.views().is_empty() && self.views().iter().all(|view| view.is_model()) {
             let note = note_on_phases(&self.plan.trials, std::iter::empty());
             remarks.extend(note.map(|note| format!("{}.", capitalised(&note))));
         }

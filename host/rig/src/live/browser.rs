@@ -74,7 +74,7 @@ impl Browser {
         format!("http://{}/{}/", self.address, self.door.secret)
     }
 
-    /// Ends the recording for the page. An open page gets a moment to fetch the rest.
+    /// Ends the recording for the page. An open page gets up to ten seconds to fetch the rest.
     pub fn end(&self, words: &str) {
         self.door.feed.end(words);
         let is_open = |asked: Option<Instant>| asked.is_some_and(|asked| asked.elapsed() < ASKS_WITHIN);

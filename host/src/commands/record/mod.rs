@@ -115,7 +115,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return plan::preview(&plan);
     }
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
-    if args.resume && args.r#virtual.is_some() && folder.join(MANIFEST).exists() {
+    // What is asked of the board besides is checked against the session's.
+    let is_plain =
+        args.faults.is_empty() && args.sensor.is_default() && args.live.is_none() && !args.open && args.speed == "max";
+    if args.resume && is_plain && args.r#virtual == Some(None) && folder.join(MANIFEST).exists() {
         let session = Session::resume(&folder, &plan)?;
         // A session that is complete needs no board, and so no firmware.
         if session.states()?.iter().all(|state| state.complete().is_some()) {

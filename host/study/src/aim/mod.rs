@@ -308,7 +308,8 @@ fn describe(model: &Model, known: &Known, table: &Table, target: &Target, found:
     let (about, contact_change) = rayon::join(about, || contact::nearest_change(model, table, trial));
     let mut unknown = Vec::new();
     let (state, interval) = match about {
-        Err(AimError::TimeOver) => {
+        // At another phase, or with another value of a fitted parameter, the robot may turn over.
+        Err(AimError::TimeOver | AimError::Overturned(_)) => {
             unknown.push(Unknown::Intervals);
             (*trial, Interval::unknown(known, &trial.attitude))
         }

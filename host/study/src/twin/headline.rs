@@ -5,16 +5,13 @@ use crate::text::{capitalised, decimal};
 
 /// Returns the sentence about a trial, or about the trials of a session.
 pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: Option<&Chance>) -> String {
-    let all_agree = trials.iter().all(Comparison::transients_agree);
     let together = trials.len() > 1 && angles.iter().any(SessionAngle::differs);
     let at = |trial: &Comparison| format!("at ({}, {}) rpm", trial.w1_rpm, trial.w2_rpm);
     let both = capitalised(Sides::of_all(trials));
-    if let Some((trial, angle)) = worst(trials) {
-        let by_chance = trials.len() > 1 && chance.is_some_and(|chance| chance.beyond.is_empty());
-        return match by_chance && all_agree && !together {
-            true => format!("{both} differ no more than by chance."),
-            false => format!("{} {}.", capitalised(&apart(angle, trial.sides)), at(trial)),
-        };
+    let worst = worst(trials);
+    let by_chance = trials.len() > 1 && chance.is_some_and(|chance| chance.beyond.is_empty());
+    if let Some((trial, angle)) = worst.filter(|_| !by_chance) {
+        return format!("{} {}.", capitalised(&apart(angle, trial.sides)), at(trial));
     }
     if let Some(trial) = trials.iter().find(|trial| !trial.transients_agree()) {
         return format!("{both} agree in the steady state, but not on the way there {}.", at(trial));
@@ -22,12 +19,24 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
     if together {
         return format!("{both} differ in all trials together, though in none by itself.");
     }
+    if worst.is_some() {
+        return format!("{both} differ no more than by chance.");
+    }
     let known = || trials.iter().flat_map(Comparison::angles).filter_map(|angle| angle.uncertainty);
     let within = if known().all(|uncertainty| uncertainty.total_deg == 0.0) { "0.01°" } else { "noise" };
     match known().count() {
         0 => "No uncertainty is known, so nothing is judged.".to_owned(),
-        count if count == 3 * trials.len() => format!("{both} agree within {within}."),
-        _ => format!("{both} agree within {within}, where it is known."),
+        count => {
+            let where_known = if count == 3 * trials.len() { "" } else { ", where it is known" };
+            match trials.iter().all(Comparison::judges_transients) {
+                true => format!("{both} agree within {within}{where_known}."),
+                false => {
+                    format!(
+                        "{both} agree in the steady state within {within}{where_known}; the way there is not judged."
+                    )
+                }
+            }
+        }
     }
 }
 
@@ -53,12 +62,16 @@ fn apart(angle: &AngleComparison, sides: Sides) -> String {
     let decimals = if error_deg.abs() < 1.0 { 2 } else { usize::from(error_deg.abs() < 10.0) };
     let [by, from_text, to_text] = [error_deg.abs(), from, to].map(|deg| decimal(deg, decimals));
     // Near zero, the sign says little.
-    match (from * to < 0.0 && least > 0.1 * error_deg.abs(), sides, to.abs() > from.abs()) {
+    let text = match (from * to < 0.0 && least > 0.1 * error_deg.abs(), sides, to.abs() > from.abs()) {
         (true, ..) => format!("the {second} {verb} by {to_text}°, the {first} by {from_text}°"),
         (_, Sides::MeasurementAndModel, true) => format!("the model {verb} {by}° too far"),
         (_, Sides::MeasurementAndModel, false) => format!("the model {verb} {by}° too little"),
         (.., true) => format!("the {second} {verb} {by}° further than the {first}"),
         (.., false) => format!("the {second} {verb} {by}° less than the {first}"),
+    };
+    match angle.model_error_deg {
+        Some(of_model) if error_deg.abs() <= of_model => text + ", within the model's own error,",
+        _ => text,
     }
 }
 
@@ -112,7 +125,13 @@ mod tests {
         assert_eq!(one.headline(), "Model and measurement agree within noise, where it is known.");
         (one.pitch.uncertainty, one.roll.uncertainty) = (None, None);
         assert_eq!(one.headline(), "No uncertainty is known, so nothing is judged.");
-        (one.yaw.uncertainty, one.settling.differs) = (known, true);
+        one.yaw.uncertainty = known;
+        let mut short = one.clone();
+        for angle in [&mut short.yaw, &mut short.pitch, &mut short.roll] {
+            angle.transient = None;
+        }
+        assert!(short.headline().ends_with("where it is known; the way there is not judged."), "{}", short.headline());
+        one.settling.differs = true;
         let said = "Model and measurement agree in the steady state, but not on the way there at (50, 10) rpm.";
         assert_eq!(one.headline(), said);
     }

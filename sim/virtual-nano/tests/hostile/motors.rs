@@ -80,7 +80,7 @@ fn a_rotor_that_is_blocked_below_that_duty_does_not_burn() {
 /// The current of a blocked motor heats as its duty squared: a third of it may last, and the guard allows 2.4 s of all.
 #[test]
 fn a_blocked_motor_that_is_driven_again_and_again_does_not_burn() {
-    const SECONDS: u64 = 60;
+    const SECONDS: u64 = 30;
     let mut host = Host::ready(BoardOptions::default());
     host.inject("blocked=2");
     let (mut on_ms, mut named) = (0, false);

@@ -141,11 +141,12 @@ impl<'a> Recorder<'a> {
     /// Ends the log with the steady state.
     fn complete(mut self, steady: &SteadyMeta) -> Result<(), LogError> {
         self.trial.log.meta(steady)?;
+        let known = |deg: f64| Some(deg).filter(|deg| deg.is_finite());
         let mut summary = Summary {
             end: End::Complete,
-            yaw_deg: Some(steady.yaw_deg),
-            pitch_deg: Some(steady.pitch_deg),
-            roll_deg: Some(steady.roll_deg),
+            yaw_deg: known(steady.yaw_deg),
+            pitch_deg: known(steady.pitch_deg),
+            roll_deg: known(steady.roll_deg),
             ..Summary::default()
         };
         self.finish(&mut summary)
