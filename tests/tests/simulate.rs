@@ -53,7 +53,7 @@ fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
 #[test]
 fn memory_does_not_grow_with_the_trial() {
     let bench = Bench::new();
-    let peaks = [30, 120].map(|duration| {
+    let peaks = [60, 240].map(|duration| {
         let (duration, out) = (duration.to_string(), format!("out{duration}"));
         let running = bench.start([
             "simulate",
