@@ -171,7 +171,8 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
             &["b, in the colours of the map", "8 of 9 points hold for one starting phase of the flagella"],
         ),
         (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)", "fluid viscosity 0.8 Pa s"]),
-        (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
+        // Of several viscosities: that it is of another robot can only be warned of.
+        (&["map", "a", "--against", "sweep.csv", "--anyway"], &["tilt (°)"]),
         (&["strip", "shapes/001_w1+50_w2+10.mcap", "--moments", "3"], &["0.0 s", "1.5 s", "3.0 s", "ψ 0.0°"]),
         (&["fit", "fitted.toml"], &["viscosity (Pa s)", "0.8510 (0.8400 to 0.8600)", "0.90", "tether (N m/rad)"]),
         (

@@ -349,6 +349,12 @@ pub fn map(
     if let (Some(surface), Some(a), Some(b)) = (surface, &of_points.maker, &of_surface.maker) {
         remarks.warnings.extend(of_sessions(session, surface, anyway)?.warning(a.difference(b), [session, surface])?);
     }
+    if let Some(surface) = surface.filter(|_| of_surface.is_varied || of_points.is_varied) {
+        let both = format!("{} and {}", session.display(), surface.display());
+        remarks.warnings.push(format!(
+            "{both}: a sweep of several robots, so nothing says that both are of one robot; check the line below the axes"
+        ));
+    }
     let (surface, points) = (of_surface.known, of_points.known);
     let unknown = [of_surface.unknown, of_points.unknown].concat();
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
@@ -478,5 +484,5 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         Some(Origin::Model) | None => None,
     };
     let one_phase = origin == Some(Origin::Model) && !has_phases(&session.plan().trials);
-    Ok(Steady { known, unknown: Vec::new(), one_phase, measured, maker })
+    Ok(Steady { known, unknown: Vec::new(), one_phase, measured, maker, is_varied: false })
 }

@@ -140,6 +140,8 @@ pub(super) struct Steady {
     pub measured: Option<&'static str>,
     /// The robot, if it is known.
     pub maker: Option<Maker>,
+    /// Whether it is one of several in a sweep.
+    pub is_varied: bool,
 }
 
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
@@ -184,5 +186,6 @@ pub(super) fn steady(
     let folder = folder.map_err(|error| wrong(error.to_string()))?;
     let robot = folder.and_then(|folder| folder.sweep.point(0).robot.ok());
     let maker = robot.map(|robot| Maker { robot, closure: Some(Closure::Full) });
-    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, measured: None, maker })
+    let is_varied = !fixed.is_empty();
+    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, measured: None, maker, is_varied })
 }
