@@ -17,7 +17,7 @@ pub struct Bridge<PIN, PWM> {
 }
 
 impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
-    /// Returns the channel on its pins. The PWM's largest duty is [`Duty::FULL`].
+    /// Returns the channel on its pins. The PWM's largest duty is [`protocol::units::Duty::FULL`].
     pub fn new(inputs: [PIN; 2], pwm: PWM) -> Self {
         Self { inputs, pwm }
     }
