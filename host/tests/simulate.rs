@@ -55,7 +55,7 @@ fn plan_gives_logs_like_those_of_the_rig() {
         "axial_torque_nm",
         "min_gap_m",
         "max_penetration_m",
-        "newton_iterations",
+        "sweeps",
         "wall_s",
         "simulated_s",
         "bundling",
@@ -131,7 +131,7 @@ fn logs_do_not_depend_on_jobs_shards_or_interruptions() {
     assert!(expected == logs(&cut));
     assert_eq!(cut.join("001_w1+50_w2+10.mcap").metadata().unwrap().modified().unwrap(), begun, "it is not repeated");
     for (resumed, whole) in resumed["trials"].as_array().unwrap().iter().zip(whole["trials"].as_array().unwrap()) {
-        for key in ["name", "yaw_deg", "force1_n", "newton_iterations", "settle_s", "min_gap_m"] {
+        for key in ["name", "yaw_deg", "force1_n", "sweeps", "settle_s", "min_gap_m"] {
             assert_eq!(resumed[key], whole[key], "{key}");
         }
     }

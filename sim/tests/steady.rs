@@ -1,12 +1,16 @@
 //! Steady states that are solved for, against trials of 120 s.
 
 use crate::common::prove;
+use nalgebra::{DVector, Quaternion, UnitQuaternion};
+use sim::V3;
 use sim::body::closure::Closure;
+use sim::fluid::mobility::{mobility, nodal_lengths};
 use sim::params::Robot;
 use sim::steady::{self, Kind, Method, Periodic, Problem, SolveError, SteadyState};
 use sim::trial::means::WINDOW;
 use sim::trial::profile::SpeedProfile;
-use sim::trial::{Options, Summary, Trial};
+use sim::trial::sample::Sample;
+use sim::trial::{Options, Summary, Trial, quantity};
 
 const LONGEST_S: f64 = 120.0;
 
@@ -187,4 +191,35 @@ fn impossible_input_and_an_interruption_are_errors() {
     heavy.base.mass_kg = -1.0;
     let wrong = steady::solve(&problem(&heavy, [1.0, 90.0]), &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
+}
+
+/// The dissipation is that of nodes whose velocities are differences of their positions, with the dense mobility of the fluid. A
+/// published flagellum does not resist its spin, and its head only turns in place.
+#[test]
+fn work_at_the_shafts_equals_dissipation() {
+    const RATE_HZ: f64 = 100.0;
+    const TIMES: usize = 12;
+    let robot = Robot::published();
+    let output = Some(Options { rate_hz: RATE_HZ, shapes: true });
+    let solved = steady::solve(&Problem { output, ..problem(&robot, [50.0, 10.0]) }, &|_| true).expect("a run");
+    let lines = |sample: &Sample| -> Vec<Vec<V3>> {
+        let [w, i, j, k] = sample.attitude;
+        let attitude = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+        let shapes = sample.shapes_m.as_ref().expect("shapes");
+        shapes.iter().map(|line| line.iter().map(|x| attitude * V3::from(*x)).collect()).collect()
+    };
+    let step = (solved.samples.len() - 2) / TIMES;
+    let dissipated = |at: usize| {
+        let [before, now, after] = [at, at + 1, at + 2].map(|i| lines(&solved.samples[i]));
+        let nodes = before.concat().into_iter().zip(after.concat());
+        let velocity: Vec<f64> = nodes.flat_map(|(from, to)| <[f64; 3]>::from((to - from) * (0.5 * RATE_HZ))).collect();
+        let views: Vec<&[V3]> = now.iter().map(Vec::as_slice).collect();
+        let mobility = mobility(&views, robot.epsilon(), robot.fluid.viscosity());
+        let density = mobility.lu().solve(&DVector::from_vec(velocity.clone())).expect("a mobility");
+        let lengths: Vec<f64> = views.iter().flat_map(|line| nodal_lengths(line)).collect();
+        (0..velocity.len()).map(|i| density[i] * velocity[i] * lengths[i / 3]).sum::<f64>()
+    };
+    let dissipated = (0..TIMES).map(|time| dissipated(time * step)).sum::<f64>() / TIMES as f64;
+    let work = quantity::Values::of(&solved.summary).get(&quantity::POWER);
+    prove("work at the shafts over what the flagella dissipate, less one", (work / dissipated - 1.0).abs(), 0.01);
 }

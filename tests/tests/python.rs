@@ -1,5 +1,6 @@
 //! The Python package: beside its library on the newest Python at hand, and built and installed by pip on the oldest.
 
+use sim::trial::quantity::{QUANTITIES, Shape};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -51,4 +52,41 @@ fn package_is_built_by_pip_and_works_on_the_oldest_python() {
     pip.args(["-m", "pip", "install", "-q", "--no-deps", "--no-compile", "--target"]).arg(&packages).arg(wheel);
     run("pip install", &mut pip);
     pytest(&bench, &python, &packages, &["tests"]);
+}
+
+/// `BIFLAG_WRITE_GOLDEN=1` writes the module of Python with the fields of a steady state.
+#[test]
+fn quantities_of_python_are_those_of_the_model() {
+    let mut module = String::from(
+        "\"\"\"The quantities of a steady state, as the model lists them.\"\"\"\n\n\
+         from __future__ import annotations\n\nfrom dataclasses import dataclass\nfrom typing import TypeAlias\n\n\
+         import numpy as np\nfrom numpy.typing import NDArray\n\nFloats: TypeAlias = NDArray[np.float64]\n\n\n\
+         @dataclass(frozen=True, eq=False, kw_only=True)\nclass Quantities:\n    \"\"\"Quantities of a steady state.\"\"\"\n\n",
+    );
+    for quantity in QUANTITIES {
+        let number = match quantity.shape {
+            Shape::Count => "int",
+            _ if quantity.is_single() => "float",
+            _ => "Floats",
+        };
+        for (at, (key, _)) in quantity.keys("").into_iter().enumerate() {
+            let about = match quantity.shape {
+                Shape::OfEach => quantity.label().replace("flagellum #", "each flagellum"),
+                _ => quantity.label().replace('#', &(at + 1).to_string()),
+            };
+            let unit = if quantity.unit == "1" { String::new() } else { format!(", {}", quantity.unit) };
+            module +=
+                &format!("    {key}: {number}\n    \"\"\"{}{}{unit}.\"\"\"\n", about[..1].to_uppercase(), &about[1..]);
+        }
+        for (key, _) in quantity.keys("_se").into_iter().filter(|_| quantity.shape.has_error()) {
+            module += &format!(
+                "    {key}: {number} | None = None\n    \"\"\"Its standard error; ``None`` where it is unknown.\"\"\"\n"
+            );
+        }
+    }
+    let path = project().join("python/biflag/_quantities.py");
+    if std::env::var_os("BIFLAG_WRITE_GOLDEN").is_some() {
+        std::fs::write(&path, &module).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(&path).unwrap_or_default(), module, "BIFLAG_WRITE_GOLDEN=1 writes it again");
 }

@@ -1,6 +1,6 @@
 //! Metadata of a modelled or simulated trial: parameters, sensor errors, and steady state.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
@@ -9,7 +9,7 @@ use sim::rod::spin::LEAST_SPIN_DRAG;
 use sim::steady::Kind;
 use sim::steady::Method;
 use sim::trial::Summary;
-use sim::trial::means::Level;
+use sim::trial::quantity::Values;
 use std::borrow::Cow;
 
 /// The model that computed a trial.
@@ -121,53 +121,15 @@ pub struct SensorMeta {
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SteadyMeta {
-    /// Mean yaw, unwrapped; NaN for a robot that overturned, which is `null` in JSON.
-    #[serde(deserialize_with = "number_or_null")]
-    pub yaw_deg: f64,
-    /// Mean pitch.
-    #[serde(deserialize_with = "number_or_null")]
-    pub pitch_deg: f64,
-    /// Mean roll.
-    #[serde(deserialize_with = "number_or_null")]
-    pub roll_deg: f64,
-    /// Standard error of the mean yaw; `None` if it is unknown: in a run shorter than 24 s, and in logs of older versions.
-    pub yaw_se_deg: Option<f64>,
-    /// The same for the mean pitch.
-    pub pitch_se_deg: Option<f64>,
-    /// The same for the mean roll.
-    pub roll_se_deg: Option<f64>,
-    /// Length of the averaging window at the end of the run.
-    pub window_s: f64,
+    /// Its quantities.
+    #[serde(flatten)]
+    pub values: Values,
     /// Whether the means are known, and reached, within the limits of [`sim::trial::means`].
     pub settled: bool,
-    /// Time from the start of the run after which yaw and pitch stay near their means; 0 with [`Method::Steady`].
-    pub settle_s: f64,
-    /// Mean force of flagellum 1 on the base, body axes, including contact.
-    pub force1_n: [f64; 3],
-    /// The same for flagellum 2.
-    pub force2_n: [f64; 3],
-    /// Standard errors of `force1_n`, like `yaw_se_deg`.
-    pub force1_se_n: Option<[f64; 3]>,
-    /// The same for `force2_n`.
-    pub force2_se_n: Option<[f64; 3]>,
-    /// Mean reaction torques on the base about the shafts.
-    pub axial_torque_nm: [f64; 2],
-    /// Their standard errors.
-    pub axial_torque_se_nm: Option<[f64; 2]>,
-    /// Smallest distance between the flagella's surfaces in the log; negative if they overlap.
-    pub min_gap_m: f64,
-    /// Largest overlap.
-    pub max_penetration_m: f64,
     /// The closest bundling state that the flagella reached.
     pub bundling: Bundling,
     /// Changes of the bundling state, in order of time.
     pub bundling_changes: Vec<BundlingChange>,
-    /// Fraction of the run in which the flagella touch each other.
-    pub contact_share: f64,
-    /// Number of sweeps of the solver for the log.
-    pub newton_iterations: u64,
-    /// Simulated time, including the search.
-    pub simulated_s: f64,
     /// The kind of motion, with [`Method::Steady`], and of a robot that overturned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
@@ -176,36 +138,24 @@ pub struct SteadyMeta {
 impl SteadyMeta {
     /// Converts the solver's summary.
     pub fn new(summary: &Summary, bundling_changes: Vec<BundlingChange>) -> Self {
-        let steady = &summary.steady;
-        let [yaw_deg, pitch_deg, roll_deg] = steady.attitude.map(|level| level.mean.to_degrees());
-        let [yaw_se_deg, pitch_se_deg, roll_se_deg] =
-            steady.attitude.map(|level| level.standard_error.map(f64::to_degrees));
-        let [force1_n, force2_n] = steady.force.map(|force| force.map(|level| level.mean));
-        let [force1_se_n, force2_se_n] = steady.force.map(|force| errors(&force));
         Self {
-            yaw_deg,
-            pitch_deg,
-            roll_deg,
-            yaw_se_deg,
-            pitch_se_deg,
-            roll_se_deg,
-            window_s: steady.window_s,
-            settled: steady.settled,
-            settle_s: steady.settle_s,
-            force1_n,
-            force2_n,
-            force1_se_n,
-            force2_se_n,
-            axial_torque_nm: steady.axial_torque.map(|level| level.mean),
-            axial_torque_se_nm: errors(&steady.axial_torque),
-            min_gap_m: summary.min_gap_m,
-            max_penetration_m: summary.max_penetration_m,
+            values: Values::of(summary),
+            settled: summary.steady.settled,
             bundling: summary.bundling,
             bundling_changes,
-            contact_share: summary.contact_share,
-            newton_iterations: summary.sweeps,
-            simulated_s: summary.simulated_s,
-            kind: steady.is_overturned().then_some(Kind::Overturned),
+            kind: summary.steady.is_overturned().then_some(Kind::Overturned),
+        }
+    }
+
+    /// Returns the steady state that stands for those of several starting phases: settled if all are, with the closest
+    /// bundling state, the least steady kind, and no changes. There must be at least one.
+    pub fn over_phases(phases: &[Self]) -> Self {
+        Self {
+            values: Values::over_phases(&phases.iter().map(|phase| phase.values.clone()).collect::<Vec<_>>()),
+            settled: phases.iter().all(|phase| phase.settled),
+            bundling: phases.iter().map(|phase| phase.bundling).max_by_key(|state| *state as u8).unwrap_or_default(),
+            bundling_changes: Vec::new(),
+            kind: phases.iter().filter_map(|phase| phase.kind).max(),
         }
     }
 
@@ -213,16 +163,6 @@ impl SteadyMeta {
     pub fn is_overturned(&self) -> bool {
         self.kind == Some(Kind::Overturned)
     }
-}
-
-fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
-}
-
-/// Returns the standard errors of some levels; `None` unless all are known.
-fn errors<const N: usize>(levels: &[Level; N]) -> Option<[f64; N]> {
-    let known: Vec<f64> = levels.iter().filter_map(|level| level.standard_error).collect();
-    known.try_into().ok()
 }
 
 #[cfg(test)]

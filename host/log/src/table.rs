@@ -18,6 +18,9 @@ pub trait Meta: Serialize + DeserializeOwned + Default {
 
 const CRC: &str = "crc32";
 
+/// Keys of older logs: the record, the key, and that of today.
+const OLDER_KEYS: [(&str, &str, &str); 1] = [("steady", "newton_iterations", "sweeps")];
+
 /// Converts a record to text and adds its CRC.
 pub(super) fn to_table<M: Meta>(meta: &M) -> Table {
     let mut table: Table = fields(meta)
@@ -45,10 +48,11 @@ pub(super) fn has_crc(table: &Table) -> bool {
 /// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so logs of other
 /// versions can be read.
 pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
+    let older = |now: &str| OLDER_KEYS.iter().find(|(name, _, key)| *name == M::NAME && *key == now);
     // The default value determines which fields are text.
     let mut object = fields(&M::default());
     for (key, value) in &mut object {
-        if let Some(text) = table.get(key) {
+        if let Some(text) = table.get(key).or_else(|| table.get(older(key)?.1)) {
             *value = if value.is_string() { Value::String(text.clone()) } else { serde_json::from_str(text).ok()? };
         }
     }

@@ -6,7 +6,6 @@ use crate::names;
 use crate::robot::Robot;
 use crate::simulate;
 use crate::speeds;
-use crate::steady::NUMBERS;
 use crate::threads;
 use biflag_log::{Method, SteadyMeta};
 use numpy::IntoPyArray;
@@ -15,6 +14,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use sim::steady::Kind;
 use sim::trial::Options;
+use sim::trial::quantity::{FLAGELLA, Shape, columns as quantities};
 use std::sync::atomic::{AtomicBool, Ordering};
 use study::run::model::{Model, Motion};
 
@@ -82,14 +82,16 @@ fn columns<'py>(
     for (k, name) in ["w1_rpm", "w2_rpm"].into_iter().enumerate() {
         table.set_item(name, pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>().into_pyarray(py))?;
     }
-    for (name, value) in NUMBERS {
-        let column = results.iter().map(|result| result.as_ref().map_or(f64::NAN, value));
-        table.set_item(name, column.collect::<Vec<_>>().into_pyarray(py))?;
+    for (i, column) in quantities(FLAGELLA).enumerate() {
+        let values = results.iter().map(|result| result.as_ref().map_or(f64::NAN, |steady| steady.values.numbers()[i]));
+        if column.quantity.shape == Shape::Count {
+            table.set_item(column.name, values.map(|count| count as u64).collect::<Vec<_>>().into_pyarray(py))?;
+        } else {
+            table.set_item(column.name, values.collect::<Vec<_>>().into_pyarray(py))?;
+        }
     }
     let settled = results.iter().map(|result| result.as_ref().is_ok_and(|steady| steady.settled));
     table.set_item("settled", settled.collect::<Vec<_>>().into_pyarray(py))?;
-    let iterations = results.iter().map(|result| result.as_ref().map_or(0, |steady| steady.newton_iterations));
-    table.set_item("newton_iterations", iterations.collect::<Vec<_>>().into_pyarray(py))?;
     let texts =
         |text: &dyn Fn(&Result<SteadyMeta, Failure>) -> String| -> Vec<String> { results.iter().map(text).collect() };
     let bundling =

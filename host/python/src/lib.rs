@@ -18,7 +18,6 @@ mod robot;
 mod simulate;
 mod simulator;
 mod speeds;
-mod steady;
 mod sweep;
 mod table;
 mod threads;

@@ -7,7 +7,6 @@ use crate::names;
 use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
-use crate::steady::NUMBERS;
 use biflag_log::{Method, SteadyMeta};
 use numpy::IntoPyArray;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
@@ -18,6 +17,7 @@ use pyo3::types::PyDict;
 use sim::body::closure::Closure;
 use sim::contact::history::BundlingHistory;
 use sim::trial::Options;
+use sim::trial::quantity::{FLAGELLA, columns as quantities};
 use sim::trial::sample::Sample;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -134,7 +134,10 @@ impl Simulated {
     fn steady<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let steady = json::record(py, &self.steady)?;
         // Angles of a robot that overturned are NaN, which JSON does not have.
-        NUMBERS[..3].iter().try_for_each(|(name, value)| steady.set_item(name, value(&self.steady)))?;
+        let angles = quantities(FLAGELLA).filter(|column| column.is_angle());
+        angles
+            .into_iter()
+            .try_for_each(|angle| steady.set_item(&angle.name, self.steady.values.numbers()[angle.index()]))?;
         Ok(steady)
     }
 

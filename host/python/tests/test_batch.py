@@ -33,7 +33,7 @@ def test_values_are_those_of_the_command_line(tmp_path: Path) -> None:
     assert table.rows == len(theirs) == len(PAIRS)
     for i, row in enumerate(theirs):
         assert (table["w1_rpm"][i], table["w2_rpm"][i]) == (row["w1_rpm"], row["w2_rpm"])
-        for name in ("yaw_deg", "pitch_deg", "roll_deg", "settled", "min_gap_m", "contact_share", "newton_iterations"):
+        for name in ("yaw_deg", "pitch_deg", "roll_deg", "settled", "min_gap_m", "contact_share", "sweeps"):
             assert table[name][i] == row[name], (name, row["name"])
         assert table["force2_x_n"][i] == row["force2_n"][0]
         assert table["axial_torque1_nm"][i] == row["axial_torque_nm"][0]
@@ -48,7 +48,7 @@ def test_steady_states_are_those_of_the_command_line(tmp_path: Path) -> None:
     theirs = biflag_json("simulate", str(plan), "--method", "steady", "--out", str(tmp_path / "map"))["trials"]
     table = biflag.simulate_batch(ROBOT, pairs, 15, method="steady")
     for i, row in enumerate(theirs):
-        for name in ("kind", "yaw_deg", "roll_deg", "settled", "settle_s", "window_s", "newton_iterations", "simulated_s"):
+        for name in ("kind", "yaw_deg", "roll_deg", "settled", "settle_s", "window_s", "sweeps", "simulated_s"):
             assert table[name][i] == row[name], (name, row["name"])
         assert table["force1_z_n"][i] == row["force1_n"][2]
     assert table["kind"].tolist() == ["steady", "steady", "not_found"]

@@ -11,6 +11,7 @@ use crate::trial::{
 use biflag_log::{Condition, End, LinkStats, LogError, Origin, Summary};
 use rayon::prelude::*;
 use serde_json::json;
+use sim::trial::quantity::{MIN_GAP, SETTLE};
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
@@ -130,10 +131,11 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
     if let Some(steady) = &records.steady {
         match steady.kind {
             Some(kind) => lines.add("motion", kind.name().replace('_', " ")),
-            None if steady.settled => lines.add("settled", format!("after {:.0} s", steady.settle_s)),
+            None if steady.settled => lines.add("settled", format!("after {:.0} s", steady.values.get(&SETTLE))),
             None => lines.add("settled", "no"),
         }
-        lines.add("flagella", format!("{}, smallest gap {:.2} mm", word(&steady.bundling), steady.min_gap_m * 1e3));
+        let gap_mm = steady.values.get(&MIN_GAP) * 1e3;
+        lines.add("flagella", format!("{}, smallest gap {gap_mm:.2} mm", word(&steady.bundling)));
     }
     if let Some(angles) = &angles {
         match hand_turn(records) {

@@ -1,8 +1,8 @@
 //! The steady state of a pair of speeds, and the steady states of its starting phases together.
 
-use super::quantities::{OverPhases, Quantity, STANDARD_ERRORS, StandardError};
 use super::{Kind, Problem, SolveError, Watch, solve};
 use crate::trial::profile::{Phases as Run, SpeedProfile};
+use crate::trial::quantity::Values;
 use crate::trial::{Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
 
@@ -79,55 +79,13 @@ impl Phases {
         self.0.iter().map(|state| state.kind).max().unwrap_or(Kind::NotFound)
     }
 
-    /// Returns a quantity as it is stated for all phases.
-    pub fn value(&self, quantity: &Quantity) -> f64 {
-        match quantity.over_phases {
-            OverPhases::Mean => self.values(quantity).sum::<f64>() / self.0.len() as f64,
-            OverPhases::Least => self.range(quantity)[0],
-        }
-    }
-
-    /// Returns the least and the largest value of a quantity.
-    pub fn range(&self, quantity: &Quantity) -> [f64; 2] {
-        self.values(quantity).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-    }
-
-    /// Returns the standard errors of the means over the phases; `None` where one is unknown.
-    pub fn standard_errors(&self) -> [Option<f64>; STANDARD_ERRORS.len()] {
-        let of = |(.., error): StandardError| error_of_mean(self.0.iter().map(|state| error(&state.summary)));
-        STANDARD_ERRORS.map(of)
+    /// Returns the values of each phase.
+    pub fn values(&self) -> Vec<Values> {
+        self.0.iter().map(|state| Values::of(&state.summary)).collect()
     }
 
     /// Returns the sweeps of the solver for all phases.
     pub fn sweeps(&self) -> u64 {
         self.0.iter().map(|state| state.summary.sweeps).sum()
-    }
-
-    fn values<'a>(&'a self, quantity: &'a Quantity) -> impl Iterator<Item = f64> + 'a {
-        self.0.iter().map(|state| (quantity.value)(&state.summary))
-    }
-}
-
-/// Returns the standard error of the mean over starting phases from those of the phases; `None` where one is unknown.
-///
-/// It is their mean, as for values whose errors are the same. What the solver misses has mostly one sign in all phases, and most
-/// standard errors are those of the solver ([`crate::trial::means`]): more phases do not average it away.
-pub fn error_of_mean(errors: impl ExactSizeIterator<Item = Option<f64>>) -> Option<f64> {
-    let count = errors.len() as f64;
-    let sum: Option<f64> = errors.sum();
-    sum.map(|sum| sum / count)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_the_solver_misses_stays_in_a_mean_over_phases() {
-        let least = 0.075;
-        let of = |errors: &[Option<f64>]| error_of_mean(errors.iter().copied());
-        assert_eq!(of(&[Some(least); 4]), Some(least));
-        assert_eq!(of(&[Some(1.0), Some(3.0)]), Some(2.0));
-        assert_eq!(of(&[Some(least), None]), None);
     }
 }

@@ -37,6 +37,7 @@
 
 pub mod means;
 pub mod profile;
+pub mod quantity;
 pub mod sample;
 mod samples;
 

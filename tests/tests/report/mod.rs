@@ -95,7 +95,7 @@ fn trial_page_shows_the_values_of_the_log() {
         assert!((browser.number("[data-out='motors speed1 1']").unwrap() - motor.speed_rpm).abs() < 0.06);
     }
     let steady: biflag_log::SteadyMeta = biflag_log::last_meta(&log).unwrap().unwrap();
-    assert!((browser.number(".tile .big").unwrap() - steady.yaw_deg).abs() < 0.006);
+    assert!((browser.number(".tile .big").unwrap() - steady.values.angles_deg()[0]).abs() < 0.006);
 
     // The button starts the playback: the time advances and the flagella turn. A key stops it.
     scrub(&mut browser, 5.0);

@@ -9,6 +9,7 @@ use super::view::{Steady, View};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Identity, SteadyMeta};
 use maud::{Markup, html};
+use sim::trial::quantity::{MIN_GAP, SETTLE};
 use study::text::{origin, word};
 
 /// The longest note that is shown.
@@ -118,7 +119,7 @@ fn tiles(view: &View) -> Markup {
                 }))
             }
             @if let Some(model) = &view.records.steady {
-                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.min_gap_m * 1e3, 1)) " mm" }))
+                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.values.get(&MIN_GAP) * 1e3, 1)) " mm" }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
@@ -133,7 +134,7 @@ fn tiles(view: &View) -> Markup {
 fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
     match model.kind {
         Some(kind) => tile("Motion", &kind.name().replace('_', " "), note),
-        None if model.settled => tile("Settling time", &format!("{} s", number(model.settle_s, 0)), note),
+        None if model.settled => tile("Settling time", &format!("{} s", number(model.values.get(&SETTLE), 0)), note),
         None => tile("Settling time", "not settled", note),
     }
 }

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _biflag
 from ._biflag import Robot
 from ._errors import ParameterError
+from ._quantities import Quantities
 from ._table import Progress, Table, new_axes, shown
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ Speeds: TypeAlias = ArrayLike | Callable[[float], Sequence[float] | Floats]
 AXES = ("x", "y", "z")
 
 
-@dataclass(frozen=True, eq=False)
-class Steady:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Steady(Quantities):
     """Steady state of a simulated trial: means over the angles of both flagella, from the second half of the run.
 
     >>> steady = biflag.simulate(biflag.Robot.physical(), (37.5, 12.5), 60).steady
@@ -43,39 +44,14 @@ class Steady:
     Forces and torques are those of the flagella on the base, in body axes; the thrust is the z component.
     """
 
-    yaw_deg: float
-    pitch_deg: float
-    roll_deg: float
-    window_s: float
-    """Length of the end of the run from which the means are taken."""
     settled: bool
     """Whether twice the standard errors are within 0.1 degrees and 1 % of the larger thrust, 0.3 degrees and 3 % if the
     flagella touch."""
-    settle_s: float
-    """Time from which on yaw and pitch stay near their means; 0 with the method "steady"."""
-    force1_n: Floats
-    force2_n: Floats
-    axial_torque_nm: Floats
-    """Reaction torques on the base about both shafts."""
-    min_gap_m: float
-    """Least distance of the flagella's surfaces in the samples' time, negative if they overlap."""
-    max_penetration_m: float
     bundling: str
     """The closest state of the flagella: apart, touching or bundled."""
-    contact_share: float
-    """Share of the run in which the flagella touch each other."""
-    newton_iterations: int
-    simulated_s: float
     kind: str | None = None
     """With the method "steady": "steady" if the motion repeats, "beating" if it was not found to but its means are known,
     and "not_found" if they are not. With both methods "overturned" if the base turned over: its angles are NaN."""
-    yaw_se_deg: float | None = None
-    """Standard error of the mean; ``None`` where it is unknown: in a run shorter than 24 s."""
-    pitch_se_deg: float | None = None
-    roll_se_deg: float | None = None
-    force1_se_n: Floats | None = None
-    force2_se_n: Floats | None = None
-    axial_torque_se_nm: Floats | None = None
 
     @classmethod
     def _of(cls, record: dict[str, Any]) -> Steady:

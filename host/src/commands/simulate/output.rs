@@ -1,6 +1,5 @@
 //! The result of `biflag simulate`.
 
-use crate::attitude::tilt_deg;
 use crate::plan::{Plan, Trial};
 use crate::run::model::{ModelRun, PhaseMeans};
 use crate::text;
@@ -9,6 +8,7 @@ use protocol::units::CentiRpm;
 use serde::Serialize;
 use sim::contact::bundling::Bundling;
 use sim::steady::Kind;
+use sim::trial::quantity::{SETTLE, SIMULATED};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -43,8 +43,6 @@ pub struct MeanTrial {
     pub origin: &'static str,
     #[serde(flatten)]
     pub means: PhaseMeans,
-    /// Mean over the phases of the angle between the vertical and the robot's axis.
-    pub tilt_deg: f64,
     /// `null` if a trial was computed by an earlier run.
     pub wall_s: Option<f64>,
     /// The trial of each starting phase.
@@ -70,8 +68,7 @@ impl Row {
             if all > 1 && steady.len() == all {
                 let wall_s = starts.iter().map(|start| start.wall_s).sum();
                 let means = PhaseMeans::new(trial, &steady);
-                let tilt_deg = steady.iter().map(tilt).sum::<f64>() / steady.len() as f64;
-                rows.push(Self::Mean(MeanTrial { origin: Origin::Model.name(), means, tilt_deg, wall_s, starts }));
+                rows.push(Self::Mean(MeanTrial { origin: Origin::Model.name(), means, wall_s, starts }));
             } else {
                 rows.extend(starts.into_iter().map(Self::One));
             }
@@ -100,8 +97,6 @@ pub struct SimulatedTrial {
     pub origin: &'static str,
     #[serde(flatten)]
     pub steady: Option<SteadyMeta>,
-    /// The angle between the robot's axis and the vertical; `null` where there is no steady state.
-    pub tilt_deg: Option<f64>,
     /// `null` if the trial was computed by an earlier run.
     pub wall_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -113,24 +108,15 @@ impl SimulatedTrial {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         let (name, phase_deg, log) = (trial.name.clone(), trial.phase_deg, log.to_owned());
         let origin = Origin::Model.name();
-        Self { name, w1_rpm, w2_rpm, phase_deg, log, origin, steady: None, tilt_deg: None, wall_s: None, error: None }
+        Self { name, w1_rpm, w2_rpm, phase_deg, log, origin, steady: None, wall_s: None, error: None }
     }
-
-    /// Sets the steady state.
-    pub fn with(self, steady: Option<SteadyMeta>) -> Self {
-        Self { tilt_deg: steady.as_ref().map(tilt), steady, ..self }
-    }
-}
-
-fn tilt(steady: &SteadyMeta) -> f64 {
-    tilt_deg(steady.pitch_deg, steady.roll_deg)
 }
 
 impl From<&ModelRun> for SimulatedTrial {
     fn from(run: &ModelRun) -> Self {
         let error = run.result.as_ref().err().map(ToString::to_string);
-        let trial = Self { wall_s: Some(run.wall_s), error, ..Self::new(&run.trial, &run.log) };
-        trial.with(run.result.as_ref().ok().cloned())
+        let steady = run.result.as_ref().ok().cloned();
+        Self { steady, wall_s: Some(run.wall_s), error, ..Self::new(&run.trial, &run.log) }
     }
 }
 
@@ -144,24 +130,19 @@ impl fmt::Display for SimulatedTrial {
         if steady.is_overturned() {
             return write!(f, ": overturned, so it has no steady attitude{}", bundling(steady));
         }
-        let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settle_s, .. } = steady;
-        let angles = [
-            ("yaw", yaw_deg, steady.yaw_se_deg),
-            ("pitch", pitch_deg, steady.pitch_se_deg),
-            ("roll", roll_deg, steady.roll_se_deg),
-        ];
-        for (i, (name, deg, error)) in angles.into_iter().enumerate() {
-            let uncertainty = error.map_or(String::new(), |error| format!(" ± {}°", text::decimal(2.0 * error, 2)));
-            write!(f, "{} {name} {}°{uncertainty}", if i == 0 { ":" } else { "," }, text::decimal(*deg, 2))?;
+        let (angles, errors) = (steady.values.angles_deg(), steady.values.angle_errors_deg());
+        for (i, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
+            let uncertainty = errors[i].map_or(String::new(), |error| format!(" ± {}°", text::decimal(2.0 * error, 2)));
+            write!(f, "{} {name} {}°{uncertainty}", if i == 0 { ":" } else { "," }, text::decimal(angles[i], 2))?;
         }
         match steady.kind {
             Some(Kind::Steady) => {}
             Some(Kind::Beating) => write!(f, ", beating")?,
-            None if steady.settled => write!(f, ", settled after {settle_s:.0} s")?,
+            None if steady.settled => write!(f, ", settled after {:.0} s", steady.values.get(&SETTLE))?,
             Some(Kind::NotFound | Kind::Overturned) | None => write!(f, ", not settled")?,
         }
         if let Some(wall_s) = self.wall_s {
-            write!(f, "; {:.0} times real time", steady.simulated_s / wall_s)?;
+            write!(f, "; {:.0} times real time", steady.values.get(&SIMULATED) / wall_s)?;
         }
         write!(f, "{}", bundling(steady))
     }

@@ -16,6 +16,7 @@ use crate::text;
 use biflag_log::{Identity, Method, ModelMeta, Origin, last_meta};
 use sim::body::closure::Closure;
 use sim::trial::Options;
+use sim::trial::quantity::SIMULATED;
 use std::path::Path;
 use std::time::Instant;
 
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     progress.finish();
     let runs = runs?;
 
-    let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.simulated_s)).sum();
+    let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.values.get(&SIMULATED))).sum();
     let (real_time_factor, speed) = real_time(begun, simulated_s);
     let done = runs.len();
     trials.extend(runs.iter().map(SimulatedTrial::from));
@@ -139,7 +140,9 @@ fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<S
         return differs("computed by another version of biflag");
     }
     match last_meta::<ModelMeta>(log)? {
-        Some(meta) if meta == *model.meta() => Ok(SimulatedTrial::new(trial, log).with(last_meta(log)?)),
+        Some(meta) if meta == *model.meta() => {
+            Ok(SimulatedTrial { steady: last_meta(log)?, ..SimulatedTrial::new(trial, log) })
+        }
         Some(meta) => differs(&format!("computed with {}", difference(&meta, model.meta()))),
         None => differs("was not computed by the model"),
     }

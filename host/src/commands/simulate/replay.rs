@@ -13,6 +13,7 @@ use crate::trial::{LogFinding, Want};
 use crate::twin::{self, Replayed, Replays, Skipped, Source};
 use serde::Serialize;
 use sim::trial::Options;
+use sim::trial::quantity::SIMULATED;
 use std::path::Path;
 use std::time::Instant;
 
@@ -51,7 +52,8 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
 
     let replayed = || replays.trials.iter().map(|(trial, ())| trial);
     let computed = replayed().filter(|trial| trial.wall_s.is_some());
-    let simulated_s: f64 = computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.simulated_s)).sum();
+    let simulated_s: f64 =
+        computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.values.get(&SIMULATED))).sum();
     let (real_time_factor, speed) = real_time(begun, simulated_s);
     let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
     let findings = findings(&replays);
@@ -75,7 +77,8 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
         Row::One(SimulatedTrial {
             wall_s: trial.wall_s,
             error: trial.result.as_ref().err().cloned(),
-            ..SimulatedTrial::new(&trial.trial, &trial.log).with(trial.result.as_ref().ok().cloned())
+            steady: trial.result.as_ref().ok().cloned(),
+            ..SimulatedTrial::new(&trial.trial, &trial.log)
         })
     };
     let trials = replayed().map(row).collect();

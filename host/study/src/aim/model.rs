@@ -7,7 +7,7 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
 use sim::steady::phase::{self, Ratio};
-use sim::steady::{self, Kind, Periodic, Problem, SolveError};
+use sim::steady::{Kind, Method, Problem, SolveError, SteadyState};
 use sim::step::{InversesAtRest, Solver};
 use sim::trial::means::WINDOW;
 use sim::trial::profile::SpeedProfile;
@@ -110,30 +110,26 @@ impl Model<'_> {
 
     /// Like [`at`](Self::at), for another robot.
     pub fn of(&self, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
-        let start_rad = start_deg.map(f64::to_radians);
-        let problem = Problem {
-            robot,
-            closure: Closure::Full,
-            rpm,
-            start_rad,
-            longest_s: TRIAL_S,
-            output: None,
-            at_rest: Some(self.at_rest),
-        };
-        let found = steady::solve(&problem, &|_| self.goes_on());
-        (self.solved)();
-        let Periodic { kind, summary, .. } = found.map_err(|error| self.error(rpm, error))?;
-        State::of(rpm, kind, &summary)
+        self.by(Method::Steady, robot, rpm, start_deg)
     }
 
     /// Returns the state at the end of a whole trial at these speeds, with motors that start at angles of zero. The
     /// contact refers to the whole trial.
     ///
     /// # Errors
-    /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
+    /// Those of [`at`](Self::at).
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
-        let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| self.error(rpm, error))?;
-        State::of(rpm, Kind::of_trial(&summary.steady), &summary)
+        self.by(Method::Trial, self.robot, rpm, [0.0; 2])
+    }
+
+    fn by(&self, method: Method, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
+        let start_rad = start_deg.map(f64::to_radians);
+        let (closure, at_rest) = (Closure::Full, Some(self.at_rest));
+        let problem = Problem { robot, closure, rpm, start_rad, longest_s: TRIAL_S, output: None, at_rest };
+        let found = SteadyState::by(method, &problem, &|_| self.goes_on());
+        (self.solved)();
+        let SteadyState { kind, summary } = found.map_err(|error| self.error(rpm, error))?;
+        State::of(rpm, kind, &summary)
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at the first contact,
@@ -142,43 +138,32 @@ impl Model<'_> {
     /// # Errors
     /// [`AimError::Model`], [`AimError::Interrupted`] and [`AimError::TimeOver`].
     pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
-        let mut next_s = WINDOW;
-        let goes_on = |trial: &Trial| {
-            if trial.first_contact_s().is_some() {
-                return false;
+        let touches = || -> Result<bool, SolveError> {
+            let profile = SpeedProfile::constant(rpm, TRIAL_S)?.from_angles(start_deg.map(f64::to_radians));
+            let options = Options { rate_hz: CHECK_HZ, shapes: false };
+            let solver = Solver::sharing(self.robot, Closure::Full, self.at_rest)?;
+            let mut trial = Trial::with_solver(solver, profile, options)?;
+            let mut next_s = WINDOW;
+            while let Some(sample) = trial.next() {
+                sample?;
+                if !self.goes_on() {
+                    return Err(SolveError::Interrupted);
+                }
+                if trial.first_contact_s().is_some() {
+                    return Ok(true);
+                }
+                if trial.state().time >= next_s {
+                    next_s += WINDOW;
+                    if trial.summary().steady.settled {
+                        break;
+                    }
+                }
             }
-            if trial.state().time < next_s {
-                return true;
-            }
-            next_s += WINDOW;
-            !trial.summary().steady.settled
+            Ok(trial.first_contact_s().is_some())
         };
-        let summary = self.run(rpm, start_deg, goes_on).map_err(|error| self.error(rpm, error))?;
-        Ok(summary.first_contact_s.is_some())
-    }
-
-    /// Returns the results of a trial that runs to its end, or until `goes_on` returns `false`.
-    fn run(
-        &self,
-        rpm: [f64; 2],
-        start_deg: [f64; 2],
-        mut goes_on: impl FnMut(&Trial) -> bool,
-    ) -> Result<Summary, SolveError> {
-        let profile = SpeedProfile::constant(rpm, TRIAL_S)?.from_angles(start_deg.map(f64::to_radians));
-        let options = Options { rate_hz: CHECK_HZ, shapes: false };
-        let mut trial =
-            Trial::with_solver(Solver::sharing(self.robot, Closure::Full, self.at_rest)?, profile, options)?;
-        while let Some(sample) = trial.next() {
-            sample?;
-            if !self.goes_on() {
-                return Err(SolveError::Interrupted);
-            }
-            if !goes_on(&trial) {
-                break;
-            }
-        }
+        let touches = touches();
         (self.solved)();
-        Ok(trial.summary())
+        touches.map_err(|error| self.error(rpm, error))
     }
 }
 

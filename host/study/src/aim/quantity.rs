@@ -3,6 +3,7 @@
 use crate::attitude::tilt_deg;
 use serde::Serialize;
 use sim::trial::Summary;
+use sim::trial::quantity::{THRUST, Values};
 use std::ops::RangeInclusive;
 
 /// A steady attitude, with the thrust.
@@ -21,9 +22,9 @@ pub struct Attitude {
 impl Attitude {
     /// Returns the steady attitude of a trial.
     pub fn of(summary: &Summary) -> Self {
-        let [yaw_deg, pitch_deg, roll_deg] = summary.steady.attitude.map(|level| level.mean.to_degrees());
-        let thrust_n = summary.steady.force.iter().map(|force| force[2].mean).sum();
-        Self { yaw_deg, pitch_deg, roll_deg, thrust_n }
+        let values = Values::of(summary);
+        let [yaw_deg, pitch_deg, roll_deg] = values.angles_deg();
+        Self { yaw_deg, pitch_deg, roll_deg, thrust_n: values.get(&THRUST) }
     }
 
     /// Returns the angle between the robot's axis and the vertical, degrees.

@@ -5,6 +5,7 @@ use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
 use crate::trial::{AngleTerm, Angles, Data, FORCES, Finding, Term, Zeroed, findings};
 use biflag_log::ImportMeta;
+use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -299,6 +300,7 @@ pub struct Summary {
     complete: bool,
     angles: Option<Angles>,
     settle_s: Option<f64>,
+    steady: Option<Quantities>,
     lost: u64,
     findings: Vec<Finding>,
     log: String,
@@ -317,6 +319,7 @@ impl Summary {
             complete: data.is_complete(),
             angles: zeroed.angles(),
             settle_s: zeroed.steady.as_ref().and_then(|steady| steady.settle_s),
+            steady: data.records.steady.as_ref().map(|steady| steady.values.clone()),
             lost: data.link.lost,
             findings: findings(data, zeroed),
             log: data.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -338,7 +341,7 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         Column::new(name, about, Values::Int(trials.iter().map(value).collect()))
     };
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
-    let columns = vec![
+    let mut columns = vec![
         text("trial", "name of the trial", &|trial| trial.name.clone()),
         real("w1_rpm", "target speed of flagellum 1", &|trial| Some(trial.speeds_rpm[0])),
         real("w2_rpm", "target speed of flagellum 2", &|trial| Some(trial.speeds_rpm[1])),
@@ -374,6 +377,11 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
             trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         }),
     ];
+    for column in quantities(FLAGELLA).filter(|column| column.is_in(Place::Trials)) {
+        let of = |trial: &Summary| trial.steady.as_ref().map_or(f64::NAN, |steady| steady.numbers()[column.index()]);
+        let (name, about) = (column.name.clone().into(), format!("{}; of a model", column.about()).into());
+        columns.push(Column { name, unit: "".into(), about, values: Values::Exact(trials.iter().map(of).collect()) });
+    }
     Table { header: session_header(name), columns }
 }
 

@@ -5,10 +5,10 @@ use super::point::{Point, phases};
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::steady::phase;
-use sim::steady::quantities::{QUANTITIES, Quantity, STANDARD_ERRORS};
 use sim::steady::{Kind, Problem, SolveError};
 use sim::steady::{Phases, SteadyState};
 use sim::step::InversesAtRest;
+use sim::trial::quantity::Values;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The steady state of a point over its starting phases.
@@ -18,12 +18,12 @@ pub struct Steady {
     pub kind: Kind,
     /// Number of starting phases.
     pub phases: u32,
-    /// Values of [`QUANTITIES`].
-    pub values: [f64; QUANTITIES.len()],
+    /// The quantities, in the order of [`sim::trial::quantity::columns`].
+    pub values: Vec<f64>,
     /// Largest minus smallest value of each over the phases.
-    pub spreads: [f64; QUANTITIES.len()],
-    /// Values of [`STANDARD_ERRORS`].
-    pub standard_errors: [Option<f64>; STANDARD_ERRORS.len()],
+    pub spreads: Vec<f64>,
+    /// Standard error of each.
+    pub standard_errors: Vec<Option<f64>>,
 }
 
 /// The result of a point.
@@ -129,15 +129,16 @@ fn compute(
 
 impl Steady {
     fn of(phases: &Phases) -> Self {
+        let all = phases.values();
+        let values = Values::over_phases(&all);
         // One pattern of NaN, on every processor.
-        let of = |value: f64, quantity: &Quantity| if phases.value(quantity).is_nan() { f64::NAN } else { value };
-        let spread = |[low, high]: [f64; 2]| high - low;
+        let of = |value: &f64| if value.is_nan() { f64::NAN } else { *value };
         Self {
             kind: phases.kind(),
             phases: phases.count() as u32,
-            values: QUANTITIES.map(|quantity| of(phases.value(&quantity), &quantity)),
-            spreads: QUANTITIES.map(|quantity| of(spread(phases.range(&quantity)), &quantity)),
-            standard_errors: phases.standard_errors(),
+            values: values.numbers().iter().map(of).collect(),
+            spreads: Values::spreads(&all),
+            standard_errors: values.errors().to_vec(),
         }
     }
 

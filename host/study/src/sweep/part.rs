@@ -20,8 +20,11 @@ use std::fs::{File, TryLockError};
 use std::io::{BufReader, Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
 
-/// The first bytes of a part.
-const MAGIC: [u8; 8] = *b"BIFLAGS3";
+/// The first bytes of a part: its kind, and the version of its format.
+const MAGIC: [u8; 8] = *b"BIFLAGS4";
+
+/// Place of the version in it.
+const VERSION: usize = MAGIC.len() - 1;
 
 /// Longest content of a frame, bytes.
 const LONGEST: usize = 4096;
@@ -140,11 +143,17 @@ impl PartReader {
     /// Opens a part. A file of another kind, or one cut off in its first bytes, has no points.
     ///
     /// # Errors
-    /// The file cannot be read.
+    /// The file cannot be read, or is of another version.
     pub fn open(path: &Path) -> Result<Self> {
         let mut file = BufReader::new(File::open(path)?);
         let mut magic = [0; MAGIC.len()];
         let is_part = read_whole(&mut file, &mut magic)? && magic == MAGIC;
+        if !is_part && magic[..VERSION] == MAGIC[..VERSION] && magic[VERSION].is_ascii_digit() {
+            return Err(Error::new(
+                ErrorKind::InvalidData,
+                "another version of biflag computed it; compute the sweep again",
+            ));
+        }
         let closed = path.extension() == Some(OsStr::new(CLOSED));
         let origin = Origin::default();
         let mut reader = Self { file, started_s: 0.0, origin, points: 0, at_end: !is_part, closed, whole: false };
@@ -352,6 +361,17 @@ mod tests {
         assert_eq!(rate(&path, started + 63.0), Some(0.5));
         assert_eq!(rate(&path, started + 62.0 + SILENCE_S), None);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "asking the time leaves nothing");
+    }
+
+    #[test]
+    fn a_part_of_another_version_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = part(folder.path(), 3, true);
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[VERSION] = b'3';
+        std::fs::write(&path, bytes).unwrap();
+        let error = PartReader::open(&path).unwrap_err().to_string();
+        assert!(error.contains("compute the sweep again"), "{error}");
     }
 
     /// A part cut off after any byte keeps all points before it, and a closed part is recognised as damaged.

@@ -8,7 +8,7 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
-use sim::steady::quantities::{QUANTITIES, STANDARD_ERRORS};
+use sim::trial::quantity::{FLAGELLA, Place, columns as quantities};
 use std::borrow::Cow;
 
 /// The description of the columns of varying keys.
@@ -61,14 +61,6 @@ pub const ROBOT: [Real<Robot>; 11] = [
     ("tether_nm_per_rad", "N m/rad", "stiffness of the tether", |robot| robot.joint.tether_full_nm_per_rad),
 ];
 
-/// Columns of the spreads over the starting phases: name, description, and the quantity.
-const SPREADS: [(&str, &str, &str); 4] = [
-    ("yaw_spread_deg", "largest less smallest yaw of the starting phases; 0 for one phase", "yaw_deg"),
-    ("pitch_spread_deg", "the same of the pitch", "pitch_deg"),
-    ("roll_spread_deg", "the same of the roll", "roll_deg"),
-    ("tilt_spread_deg", "the same of the tilt", "tilt_deg"),
-];
-
 impl Row {
     /// Does not keep the robot itself, which is larger than the row.
     fn new(point: Point, outcome: Outcome) -> Self {
@@ -112,18 +104,23 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
         columns.push(real(name, unit, about, &|row| row.robot[at]));
     }
-    let steady = |name, unit, about, value: &dyn Fn(&Steady) -> f64| {
-        real(name, unit, about, &|row| row.outcome.steady().map_or(f64::NAN, value))
+    let mut steady = |name: String, unit, about: Cow<'static, str>, value: &dyn Fn(&Steady) -> f64| {
+        let values = exact(&|row| row.outcome.steady().map_or(f64::NAN, value));
+        columns.push(Column { name: name.into(), unit, about, values });
     };
-    for (at, quantity) in QUANTITIES.iter().enumerate() {
-        columns.push(steady(quantity.name, quantity.unit, quantity.about, &|s| s.values[at]));
+    let quantities: Vec<_> = quantities(FLAGELLA).filter(|column| column.is_in(Place::Sweep)).collect();
+    for column in &quantities {
+        steady(column.name.clone(), column.quantity.unit.into(), column.about().into(), &|s| s.values[column.index()]);
     }
-    for (name, about, of) in SPREADS {
-        let at = QUANTITIES.iter().position(|quantity| quantity.name == of);
-        columns.push(steady(name, "deg", about, &|s| at.map_or(f64::NAN, |at| s.spreads[at])));
+    for column in quantities.iter().filter(|column| column.is_angle()) {
+        let (name, about) = (column.spread(), "largest less smallest value of the starting phases; 0 for one phase");
+        steady(name, "deg".into(), about.into(), &|s| s.spreads[column.index()]);
     }
-    for (at, (name, unit, about, _)) in STANDARD_ERRORS.iter().enumerate() {
-        columns.push(steady(name, unit, about, &|s| s.standard_errors[at].unwrap_or(f64::NAN)));
+    for column in &quantities {
+        let Some(name) = column.error() else { continue };
+        let (unit, about) =
+            (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
+        steady(name, unit, about.into(), &|s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
     }
     let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
     columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));

@@ -27,6 +27,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
 use sim::body::attitude::of_euler_zyx;
 use sim::trial::means::{CHANNELS, SteadyCollector};
+use sim::trial::quantity::{SETTLE, WINDOW};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -317,11 +318,11 @@ impl Zeroed {
         let middle = 0.5 * (window.start + window.end);
         let own = data.records.steady.as_ref().filter(|_| self.is_model());
         let (angles_deg, settled, settle_s, window) = match own {
-            Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
+            Some(SteadyMeta { values, settled, kind, .. }) => {
                 // With the method `steady`, the log contains the last part of the averaging window.
-                let window = (self.run.end - window_s).max(self.run.start)..self.run.end;
-                let settle_s = (*settled && kind.is_none()).then_some(*settle_s);
-                ([*yaw_deg, *pitch_deg, *roll_deg], *settled, settle_s, window)
+                let window = (self.run.end - values.get(&WINDOW)).max(self.run.start)..self.run.end;
+                let settle_s = (*settled && kind.is_none()).then_some(values.get(&SETTLE));
+                (values.angles_deg(), *settled, settle_s, window)
             }
             None => {
                 let angles = steady.attitude.map(|level| level.mean.to_degrees());

@@ -97,6 +97,9 @@ pub struct Steady {
     pub force: [[Level; 3]; 2],
     /// Reaction torques about the shafts, N m.
     pub axial_torque: [Level; 2],
+    /// Speeds of the motors at the end of the run, rad/s: an input, which is not stored with the results.
+    #[serde(skip)]
+    pub speeds_rad_s: [f64; 2],
     /// Whether the means are known, and reached, by the rule of the module.
     pub settled: bool,
     /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
@@ -345,6 +348,7 @@ impl SteadyCollector {
             attitude: vector(0),
             force: [vector(3), vector(6)],
             axial_torque: [levels[9], levels[10]],
+            speeds_rad_s: self.speeds,
             settled: false,
             settle_s: unsettled.map_or(self.from, |(time, _)| *time) - self.start,
         };

@@ -5,8 +5,8 @@ use crate::text::{count, decimal};
 use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
-use sim::steady::error_of_mean;
 use sim::steady::phase::Ratio;
+use sim::trial::quantity::Values;
 use std::fmt;
 
 /// The steady state of a pair of speeds over its starting phases.
@@ -20,9 +20,7 @@ pub struct PhaseMeans {
     pub w2_rpm: f64,
     /// Number of starting phases.
     pub phases: usize,
-    /// Means of the angles, forces, torques and the share of contact; the smallest gap, the largest overlap, the
-    /// closest state and the longest settling time; sums of iterations and times. `settled` is true if all phases have
-    /// settled.
+    /// The steady state that stands for all phases.
     #[serde(flatten)]
     pub steady: SteadyMeta,
     /// Largest minus smallest yaw, pitch and roll.
@@ -35,56 +33,23 @@ impl PhaseMeans {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         let end = trial.name.rfind("_p").unwrap_or(trial.name.len());
         let name = trial.name[..end].split_once('_').map_or("", |(_, name)| name).to_owned();
-        let of = |value: &dyn Fn(&SteadyMeta) -> f64| phases.iter().map(value).collect::<Vec<f64>>();
-        let mean = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).iter().sum::<f64>() / phases.len() as f64;
-        let largest = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::NEG_INFINITY, f64::max);
-        let least = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::INFINITY, f64::min);
-        let angles: [fn(&SteadyMeta) -> f64; 3] = [|s| s.yaw_deg, |s| s.pitch_deg, |s| s.roll_deg];
-        let [yaw_deg, pitch_deg, roll_deg] = angles.map(|angle| mean(&angle));
-        let steady = SteadyMeta {
-            yaw_deg,
-            pitch_deg,
-            roll_deg,
-            yaw_se_deg: error_of_mean(phases.iter().map(|s| s.yaw_se_deg)),
-            pitch_se_deg: error_of_mean(phases.iter().map(|s| s.pitch_se_deg)),
-            roll_se_deg: error_of_mean(phases.iter().map(|s| s.roll_se_deg)),
-            window_s: mean(&|s| s.window_s),
-            settled: phases.iter().all(|s| s.settled),
-            settle_s: largest(&|s| s.settle_s),
-            force1_n: [0, 1, 2].map(|i| mean(&|s| s.force1_n[i])),
-            force2_n: [0, 1, 2].map(|i| mean(&|s| s.force2_n[i])),
-            force1_se_n: errors_of_means(phases, |s| s.force1_se_n),
-            force2_se_n: errors_of_means(phases, |s| s.force2_se_n),
-            axial_torque_nm: [0, 1].map(|k| mean(&|s| s.axial_torque_nm[k])),
-            axial_torque_se_nm: errors_of_means(phases, |s| s.axial_torque_se_nm),
-            min_gap_m: least(&|s| s.min_gap_m),
-            max_penetration_m: largest(&|s| s.max_penetration_m),
-            bundling: phases.iter().map(|s| s.bundling).max_by_key(|state| *state as u8).unwrap_or_default(),
-            bundling_changes: Vec::new(),
-            contact_share: mean(&|s| s.contact_share),
-            newton_iterations: phases.iter().map(|s| s.newton_iterations).sum(),
-            simulated_s: phases.iter().map(|s| s.simulated_s).sum(),
-            kind: phases.iter().filter_map(|s| s.kind).max(),
-        };
-        // Without an angle at one phase there is no spread: a product with NaN is NaN.
-        let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle) + 0.0 * mean(&angle));
-        Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }
+        let values: Vec<Values> = phases.iter().map(|phase| phase.values.clone()).collect();
+        let spreads = Values::spreads(&values);
+        let steady = SteadyMeta::over_phases(phases);
+        Self {
+            name,
+            w1_rpm,
+            w2_rpm,
+            phases: phases.len(),
+            steady,
+            phase_spread_deg: [0, 1, 2].map(|angle| spreads[angle]),
+        }
     }
-}
-
-/// Returns the standard errors of some means; `None` unless all are known.
-fn errors_of_means<const N: usize>(
-    phases: &[SteadyMeta],
-    errors: impl Fn(&SteadyMeta) -> Option<[f64; N]>,
-) -> Option<[f64; N]> {
-    let of = |i: usize| error_of_mean(phases.iter().map(|s| errors(s).map(|errors| errors[i])));
-    (0..N).map(of).collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
 impl fmt::Display for PhaseMeans {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, .. } = &self.steady;
-        let means = [yaw_deg, pitch_deg, roll_deg].map(|deg| decimal(*deg, 2));
+        let means = self.steady.values.angles_deg().map(|deg| decimal(deg, 2));
         let spreads = self.phase_spread_deg.map(|deg| decimal(deg, 2));
         let phases = count(self.phases, "phase");
         if self.steady.is_overturned() {
@@ -92,7 +57,7 @@ impl fmt::Display for PhaseMeans {
         }
         write!(f, "{}: mean and spread over {phases}: yaw {}° ({}°)", self.name, means[0], spreads[0])?;
         write!(f, ", pitch {}° ({}°), roll {}° ({}°)", means[1], spreads[1], means[2], spreads[2])?;
-        if *settled { Ok(()) } else { write!(f, ", not settled") }
+        if self.steady.settled { Ok(()) } else { write!(f, ", not settled") }
     }
 }
 

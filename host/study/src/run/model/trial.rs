@@ -142,13 +142,8 @@ impl<'a> Recorder<'a> {
     fn complete(mut self, steady: &SteadyMeta) -> Result<(), LogError> {
         self.trial.log.meta(steady)?;
         let known = |deg: f64| Some(deg).filter(|deg| deg.is_finite());
-        let mut summary = Summary {
-            end: End::Complete,
-            yaw_deg: known(steady.yaw_deg),
-            pitch_deg: known(steady.pitch_deg),
-            roll_deg: known(steady.roll_deg),
-            ..Summary::default()
-        };
+        let [yaw_deg, pitch_deg, roll_deg] = steady.values.angles_deg().map(known);
+        let mut summary = Summary { end: End::Complete, yaw_deg, pitch_deg, roll_deg, ..Summary::default() };
         self.finish(&mut summary)
     }
 
