@@ -3,6 +3,7 @@
 
 pub mod browser;
 mod cable;
+pub mod golden;
 mod lateness;
 pub mod markdown;
 pub mod python;

@@ -15,6 +15,7 @@ mod emulated_sensor;
 mod false_alarms;
 mod findings;
 mod flash;
+mod golden;
 mod hand_turns;
 mod handshake;
 mod hostile;
