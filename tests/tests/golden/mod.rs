@@ -3,4 +3,5 @@
 
 mod columns;
 mod keys;
+mod logs;
 mod recording;
