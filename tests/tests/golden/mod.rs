@@ -4,4 +4,5 @@
 mod columns;
 mod keys;
 mod logs;
+mod python;
 mod recording;
