@@ -2,6 +2,7 @@
 //! Python package, findings and intervals.
 
 mod columns;
+mod findings;
 mod keys;
 mod logs;
 mod python;

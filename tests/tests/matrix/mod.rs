@@ -1,7 +1,7 @@
 //! Spoilt sessions, and what every command says about each: no command is more content than another.
 
 mod log;
-mod spoilt;
+pub mod spoilt;
 
 use log::Log;
 use serde_json::Value;
@@ -12,12 +12,12 @@ use std::path::Path;
 use std::sync::Mutex;
 use tests::{Bench, Run, repository};
 
-const PLAN: &str = "[session]\nname = \"spoilt\"\n[board]\ndeadline_ms = 5000\n\
+pub const PLAN: &str = "[session]\nname = \"spoilt\"\n[board]\ndeadline_ms = 5000\n\
                     [trial]\ncalibrate = 2\npreroll = 12\nrun = 12\ndecay = 0\n\
                     [speeds]\npairs = [[67.3, -41.5], [-67.3, 41.5]]\n";
 
 /// The logs of the trials of the plan.
-const LOGS: [&str; 2] = ["001_w1+67.3_w2-41.5.mcap", "002_w1-67.3_w2+41.5.mcap"];
+pub const LOGS: [&str; 2] = ["001_w1+67.3_w2-41.5.mcap", "002_w1-67.3_w2+41.5.mcap"];
 
 /// The commands of the matrix, over a session `s` and its first log.
 const COMMANDS: [(&str, &[&str]); 12] = [
@@ -107,7 +107,7 @@ fn cell(bench: &Bench, spoilt: &Spoilt, (name, arguments): (&str, &[&str])) -> R
     if has_interval { wrong("writes a ±") } else { Ok(code.to_string()) }
 }
 
-fn copy(from: &Path, to: &Path) {
+pub fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap().map(Result::unwrap).filter(|entry| entry.path().is_file()) {
         fs::copy(entry.path(), to.join(entry.file_name())).unwrap();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// What a command must say about a spoilt session.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub enum Verdict {
     /// The finding, exit code 3, and no uncertainty of the trial.
     Grave,
     /// The finding and exit code 3; the uncertainty holds.
@@ -18,7 +18,7 @@ pub(super) enum Verdict {
 }
 
 /// A way to spoil a session: its name, what every command must say, and how much that is.
-pub(super) struct Spoilt {
+pub struct Spoilt {
     pub how: &'static str,
     pub said: &'static str,
     pub verdict: Verdict,
@@ -26,7 +26,7 @@ pub(super) struct Spoilt {
 }
 
 /// Sound sessions that others are made of.
-pub(super) struct Sources {
+pub struct Sources {
     pub model: PathBuf,
 }
 
@@ -53,7 +53,7 @@ fn bytes(session: &Path, change: impl FnOnce(&mut Vec<u8>)) {
     fs::write(&path, content).unwrap();
 }
 
-pub(super) const SPOILT: &[Spoilt] = &[
+pub const SPOILT: &[Spoilt] = &[
     Spoilt {
         how: "two logs exchanged",
         said: "holds trial",
