@@ -144,6 +144,7 @@ fn new_board_is_set_up_by_the_self_test() {
     let report = bench.run(["doctor", "--motors", "--port", &port, "--json"]).expect_code(0).json();
     assert!(!check(&report, "motor 2").to_string().contains("against"), "{report}");
     assert!(report["checks"].as_array().unwrap().iter().all(|check| check["detail"] != "not saved"));
+    tests::golden::hold_keys("doctor-motors", &report);
     bench.run(["record", plan, "--port", &port]).expect_code(3);
 }
 

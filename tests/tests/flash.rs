@@ -11,6 +11,7 @@ fn flash_with_the_old_bootloader() {
     let run = bench.run(["flash", "--virtual", "--firmware", image.to_str().unwrap(), "--json"]).expect_code(0);
     let flashed = run.json();
     println!("{flashed}");
+    tests::golden::hold_keys("flash", &flashed);
     assert_eq!(flashed["baud"], 57_600);
     assert_eq!(flashed["firmware"], Image::read(&image).unwrap().commit);
     assert_eq!(flashed["protocol"], protocol::VERSION);

@@ -84,6 +84,7 @@ fn a_plan_with_phases_needs_an_aligned_board() {
 
     let aligned = align(&bench, nano.port(), "ff+\n2b-\nok\n").expect_code(0).json();
     assert_eq!((&aligned["aligned"], &aligned["angles_known"]), (&true.into(), &true.into()));
+    tests::golden::hold_keys("align", &aligned);
     // A step ends within two counts of its goal, 1.2 degrees.
     let turned = [0, 1].map(|k| aligned["turned_deg"][k].as_f64().unwrap());
     assert!((turned[0] - 20.6).abs() < 4.0 && (turned[1] + 10.6).abs() < 3.0, "{turned:?}");

@@ -16,6 +16,7 @@ fn a_turn_of_a_real_sensor_has_its_scale() {
     // One turn of six, and the accelerometer of this board has its z axis down.
     let run = bench.run(["sensor", "turn", "z", &imu, "--json"]).expect_code(3).json();
     println!("{run}");
+    tests::golden::hold_keys("sensor-turn", &run);
     let [scale, u] = ["scale", "scale_u"].map(|key| run["sensor"][key][2].as_f64().unwrap());
     // By the trapezium rule, the recorded counts less those at rest are 706.22 of the 720 degrees.
     let expected = 706.22 / 720.0 - 1.0;

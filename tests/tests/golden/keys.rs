@@ -11,9 +11,9 @@ use tests::{Bench, data};
 const PLAN: &str = "[session]\nname = \"golden\"\nrepeats = 2\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 2\npreroll = 12\nrun = 12\ndecay = 12\n\
                     [speeds]\npairs = [[50, 10]]\n";
 
-/// Two points, of which one is impossible.
+/// Four points, of which two are impossible.
 const SWEEP: &str = "[session]\nname = \"sweep\"\n[trial]\nrun = 40\nmethod = \"steady\"\nphases = 2\n[vary]\n\
-                     \"group.spacing\" = [1, 0.4]\n[speeds]\npairs = [[50, 10]]\n";
+                     \"group.spacing\" = [1, 0.4]\n[speeds]\npairs = [[50, 10], [30, 30]]\n";
 
 /// What is asked: the golden file, what it is about, and the arguments; `LOG` and `MODEL` are logs of the same trial.
 const ASKED: &[(&str, &str, &str)] = &[
