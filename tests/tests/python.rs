@@ -1,6 +1,6 @@
 //! The Python package: beside its library on the newest Python at hand, and built and installed by pip on the oldest.
 
-use sim::trial::quantity::{QUANTITIES, Shape};
+use sim::trial::quantity::{Shape, steady};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -63,17 +63,14 @@ fn quantities_of_python_are_those_of_the_model() {
          import numpy as np\nfrom numpy.typing import NDArray\n\nFloats: TypeAlias = NDArray[np.float64]\n\n\n\
          @dataclass(frozen=True, eq=False, kw_only=True)\nclass Quantities:\n    \"\"\"Quantities of a steady state.\"\"\"\n\n",
     );
-    for quantity in QUANTITIES {
+    for quantity in steady() {
         let number = match quantity.shape {
             Shape::Count => "int",
             _ if quantity.is_single() => "float",
             _ => "Floats",
         };
         for (at, (key, _)) in quantity.keys("").into_iter().enumerate() {
-            let about = match quantity.shape {
-                Shape::OfEach => quantity.label().replace("flagellum #", "each flagellum"),
-                _ => quantity.label().replace('#', &(at + 1).to_string()),
-            };
+            let about = quantity.label((quantity.shape == Shape::VectorOfEach).then_some(at));
             let unit = if quantity.unit == "1" { String::new() } else { format!(", {}", quantity.unit) };
             module +=
                 &format!("    {key}: {number}\n    \"\"\"{}{}{unit}.\"\"\"\n", about[..1].to_uppercase(), &about[1..]);

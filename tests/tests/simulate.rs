@@ -12,13 +12,14 @@ use tests::{Bench, Run, memory_kb, signal};
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 14\ndecay = 3\n\
                     [speeds]\ngrid = { w1 = [-60, 40, 50], w2 = [20, 80, 60] }\n";
 
-/// Returns every file of a session except its manifest, which contains the start time.
+/// Returns every file of a session except its manifest, which contains the start time, and the drafts of a manifest that a kill
+/// has left.
 fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
     let Ok(entries) = std::fs::read_dir(session) else { return BTreeMap::new() };
     entries
         .flatten()
         .map(|entry| (entry.file_name().to_string_lossy().into_owned(), entry.path()))
-        .filter(|(name, _)| name != "session.toml")
+        .filter(|(name, _)| !name.starts_with("session.toml"))
         .map(|(name, path)| (name, std::fs::read(path).unwrap()))
         .collect()
 }

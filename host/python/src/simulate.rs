@@ -17,7 +17,7 @@ use pyo3::types::PyDict;
 use sim::body::closure::Closure;
 use sim::contact::history::BundlingHistory;
 use sim::trial::Options;
-use sim::trial::quantity::{FLAGELLA, columns as quantities};
+use sim::trial::quantity::{FLAGELLA, columns as quantities, sample_columns};
 use sim::trial::sample::Sample;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,6 +128,26 @@ impl Simulated {
             arrays.set_item("shapes", shapes.into_pyarray(py))?;
         }
         Ok(arrays)
+    }
+
+    /// Returns the samples as columns, with the names of an export.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(py);
+        let put = |name: String, value: &dyn Fn(&Sample) -> f64| {
+            columns.set_item(name, Array1::from_iter(self.samples.iter().map(value)).into_pyarray(py))
+        };
+        put("time_s".to_owned(), &|s| s.time_s)?;
+        put("yaw_deg".to_owned(), &|s| s.yaw_rad.to_degrees())?;
+        put("pitch_deg".to_owned(), &|s| s.pitch_rad.to_degrees())?;
+        put("roll_deg".to_owned(), &|s| s.roll_rad.to_degrees())?;
+        for k in 0..FLAGELLA {
+            put(format!("speed{}_rpm", k + 1), &|s| rpm(s.motor_speed_rad_s[k]))?;
+            put(format!("turns{}", k + 1), &|s| s.motor_angle_rad[k] / std::f64::consts::TAU)?;
+        }
+        for column in sample_columns(FLAGELLA) {
+            put(column.name.clone(), &|s| column.of_sample(s))?;
+        }
+        Ok(columns)
     }
 
     /// Returns the steady state as a dictionary.

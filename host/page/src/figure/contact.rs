@@ -5,6 +5,7 @@ use super::FigureError;
 use super::panel::{Axis, Panel};
 use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke};
 use sim::contact::bundling::Bundling;
+use sim::trial::quantity::{MIN_GAP, WINDING};
 use study::trial::Data;
 
 const LEFT_MM: f64 = 13.0;
@@ -18,10 +19,6 @@ const RIBBON: [(Bundling, &str, &str); 3] = [
     (Bundling::Touching, "touching", "#f0b870"),
     (Bundling::Bundled, "bundled", "#b8651b"),
 ];
-
-/// Columns of the forces.
-const GAP: usize = 14;
-const WINDING: usize = 16;
 
 /// Draws gap, winding and ribbon of a trial.
 ///
@@ -42,9 +39,10 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
     let mut sheet = Sheet::new(width_mm);
     let x = Axis::new(from, to.max(from + 1e-3), "Time from the start of the run (s)");
     let mut top = 3.0 * MM;
-    for (column, scale, least, label) in [(GAP, 1e3, 1.0, "Smallest gap (mm)"), (WINDING, 1.0, 0.1, "Winding (turns)")]
+    for (of, scale, least, label) in [(MIN_GAP, 1e3, 1.0, "Smallest gap (mm)"), (WINDING, 1.0, 0.1, "Winding (turns)")]
     {
-        let values = times.iter().zip(&data.forces.values[column]).filter(|(time, _)| shown(time));
+        let is_last = of.in_sample() == WINDING.in_sample();
+        let values = times.iter().zip(&data.forces.values[of.in_sample()][0]).filter(|(time, _)| shown(time));
         let curve: Vec<[f64; 2]> = values.map(|(time, value)| [time - start, value * scale]).collect();
         let panel = Panel {
             x: x.clone(),
@@ -54,10 +52,10 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
             width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
             height: PANEL_MM * MM,
         };
-        panel.frame(&mut sheet, column == WINDING);
+        panel.frame(&mut sheet, is_last);
         sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
         panel.curve(&mut sheet, &curve, Stroke(MEASURED, 0.8, ""));
-        top += panel.height + if column == WINDING { 8.5 * MM } else { 2.5 * MM };
+        top += panel.height + if is_last { 8.5 * MM } else { 2.5 * MM };
     }
     ribbon(&mut sheet, data, [from, to], top);
     Ok(sheet.svg(top + RIBBON_MM * MM + 2.4 * FONT_PT))

@@ -3,6 +3,7 @@
 use super::FigureError;
 use super::panel::{Axis, Panel};
 use super::sheet::{FLAGELLA, MM, Sheet, Stroke};
+use sim::trial::quantity::FORCE;
 use study::trial::Data;
 
 const LEFT_MM: f64 = 13.0;
@@ -31,7 +32,7 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
     let mut top = 5.0 * MM;
     for (axis, label) in ["Force x (mN)", "Force y (mN)", "Force z (mN)"].into_iter().enumerate() {
         let curves = [axis, axis + 3].map(|column| -> Vec<[f64; 2]> {
-            let forces = &data.forces.values[column];
+            let forces = &data.forces.values[FORCE.in_sample()][column];
             let points = times.iter().zip(forces).map(|(time, force)| [time - start, force * 1e3]);
             points.filter(|[time, _]| (from..=to).contains(time)).collect()
         });

@@ -12,6 +12,7 @@ use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};
 use sim::contact::bundling::Bundling;
 use sim::params::{Face, Robot, Tank};
+use sim::trial::quantity::{CONTACT, FORCE, MIN_GAP, Quantity, WINDING};
 use std::ops::Range;
 use study::attitude::Columns;
 use study::trial::{Data, Event, LinkSecond, Shapes, Zeroed};
@@ -197,10 +198,11 @@ fn forces(data: &Data, shift_s: f64) -> Columns<9> {
     let mut table = Columns::default();
     for (i, time) in data.forces.time_s.iter().enumerate() {
         let row = data.forces.row(i);
-        let [x1, y1, z1, x2, y2, z2] = std::array::from_fn(|k| row[k] * 1e3);
-        let (contact, gap_m, winding) = (&row[6..12], row[14], row[16]);
-        let touches = contact.iter().any(|part| *part != 0.0);
-        table.push(time + shift_s, [x1, y1, z1, x2, y2, z2, gap_m * 1e3, winding, f64::from(u8::from(touches))]);
+        let of = |quantity: &Quantity| &row[quantity.in_sample()];
+        let touches = of(&CONTACT).iter().any(|part| *part != 0.0);
+        let milli = of(&FORCE).iter().chain(of(&MIN_GAP)).map(|value| value * 1e3);
+        let values: Vec<f64> = milli.chain([of(&WINDING)[0], f64::from(u8::from(touches))]).collect();
+        table.push(time + shift_s, std::array::from_fn(|k| values[k]));
     }
     table
 }

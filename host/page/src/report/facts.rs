@@ -5,7 +5,7 @@ use super::text::{clip, degrees, number, plain};
 use super::view::{ModelRobot, View};
 use biflag_log::{Identity, ImportMeta};
 use maud::{Markup, html};
-use sim::trial::quantity::{Place, QUANTITIES};
+use sim::trial::quantity::{self, Place};
 use study::text::{rest as rest_text, word};
 use study::trial::AngleTerm;
 
@@ -138,10 +138,10 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         (None, None) => {}
     }
     if let Some(steady) = &records.steady {
-        for quantity in QUANTITIES.iter().filter(|quantity| quantity.is_in(Place::Trials)) {
-            let parts = steady.values.parts(quantity).iter().filter(|part| part.is_finite());
+        for quantity in quantity::steady().filter(|quantity| quantity.is_in(Place::Trials)) {
+            let parts = steady.values.parts(&quantity).iter().filter(|part| part.is_finite());
             let parts: Vec<_> = parts.map(|part| format!("{part:.3e} {}", quantity.unit)).collect();
-            facts.push((quantity.label(), parts.join(", ")));
+            facts.push(("Model’s steady state", format!("{}: {}", quantity.label(None), parts.join(", "))));
         }
     }
     if let Some(robot) = &records.robot {

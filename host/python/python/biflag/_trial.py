@@ -109,23 +109,7 @@ class Trial:
 
     def to_table(self) -> Table:
         """Returns a table with one row a sample; columns have the names that ``biflag export`` gives them."""
-        columns: dict[str, Floats] = {
-            "time_s": self.time,
-            "yaw_deg": self.yaw,
-            "pitch_deg": self.pitch,
-            "roll_deg": self.roll,
-        }
-        for k in (0, 1):
-            columns[f"speed{k + 1}_rpm"] = self.speeds[:, k]
-            columns[f"turns{k + 1}"] = self.turns[:, k]
-        for name, vectors in (("force", self.forces), ("contact", self.contact_forces)):
-            for k in (0, 1):
-                columns.update({f"{name}{k + 1}_{axis}_n": vectors[:, k, i] for i, axis in enumerate(AXES)})
-        for k in (0, 1):
-            columns[f"axial_torque{k + 1}_nm"] = self.torques[:, k]
-        columns["min_gap_m"] = self.gap
-        columns["winding_turns"] = self.winding
-        return Table(columns)
+        return Table(self._simulated.columns())
 
     def to_pandas(self) -> pandas.DataFrame:
         """Returns a pandas table with the time in s as its index and the columns of :meth:`to_table`."""

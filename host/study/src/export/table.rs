@@ -3,9 +3,9 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
-use crate::trial::{AngleTerm, Angles, Data, FORCES, Finding, Term, Zeroed, findings};
+use crate::trial::{AngleTerm, Angles, Data, Finding, Term, Zeroed, findings};
 use biflag_log::ImportMeta;
-use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities};
+use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities, sample_columns};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -102,26 +102,6 @@ const MOTORS: [(&str, &str); 6] = [
     ("turns2", "turns of flagellum 2, from its encoder"),
 ];
 
-const FORCE_COLUMNS: [(&str, &str); FORCES] = [
-    ("force1_x_n", "force of flagellum 1 on the base, body axes, including contact"),
-    ("force1_y_n", ""),
-    ("force1_z_n", "thrust of flagellum 1"),
-    ("force2_x_n", "force of flagellum 2 on the base"),
-    ("force2_y_n", ""),
-    ("force2_z_n", "thrust of flagellum 2"),
-    ("contact1_x_n", "part of the force of flagellum 1 due to contact"),
-    ("contact1_y_n", ""),
-    ("contact1_z_n", ""),
-    ("contact2_x_n", "part of the force of flagellum 2 due to contact"),
-    ("contact2_y_n", ""),
-    ("contact2_z_n", ""),
-    ("axial_torque1_nm", "reaction torque of flagellum 1 on the base about its shaft"),
-    ("axial_torque2_nm", "reaction torque of flagellum 2 on the base about its shaft"),
-    ("min_gap_m", "smallest distance between the flagella's surfaces since the last message, negative if they overlap"),
-    ("max_penetration_m", "largest overlap since the last message"),
-    ("winding_turns", "number of turns by which the flagella are wound around each other"),
-];
-
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
 pub fn trial(data: &Data, zeroed: &Zeroed) -> Table {
     let run_s = data.times.run.start;
@@ -153,8 +133,10 @@ pub fn trial(data: &Data, zeroed: &Zeroed) -> Table {
         columns.push(real(("temperature_c", "temperature of the sensor"), &|row| row.temperature_c));
     }
     if !data.forces.is_empty() {
-        for (k, about) in FORCE_COLUMNS.into_iter().enumerate() {
-            columns.push(real(about, &|row| data.forces.track(k).at(row.time_s).unwrap_or(f64::NAN)));
+        for (k, column) in sample_columns(FLAGELLA).enumerate() {
+            let values = rows.iter().map(|row| data.forces.track(k).at(row.time_s).unwrap_or(f64::NAN)).collect();
+            let about = column.about().into();
+            columns.push(Column { name: column.name.into(), unit: "".into(), about, values: Values::Real(values) });
         }
     }
     Table { header: header(data, zeroed), columns }

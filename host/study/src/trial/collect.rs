@@ -2,14 +2,15 @@
 
 use super::bounds;
 use super::clock;
-use super::data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+use super::data::{Data, Event, LinkSecond, MOTORS, Records, Want};
 use super::imported;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::schema::biflag::{self, Motor, Telemetry, Vector};
+use biflag_log::schema::biflag::{self, Motor, Telemetry};
 use biflag_log::{Condition, LONGEST_TRIAL_S, LinkStats, Origin};
 use protocol::units::{Q15, Quaternion};
+use sim::trial::quantity::SAMPLE_COLUMNS;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -27,7 +28,7 @@ pub struct Collector {
     calibrated: usize,
     motors: Columns<MOTORS>,
     truth: Columns<5>,
-    forces: Columns<FORCES>,
+    forces: Columns<SAMPLE_COLUMNS>,
     shapes: Shapes,
     events: Vec<Event>,
     more_events: usize,
@@ -95,15 +96,7 @@ impl Collector {
         if !self.want.forces {
             return;
         }
-        let [a, b, c, d] = [forces.force1_n, forces.force2_n, forces.contact1_n, forces.contact2_n]
-            .map(|force| force.map_or([f64::NAN; 3], |Vector { x, y, z }| [x, y, z]));
-        let row = [
-            [a, b, c, d].as_flattened(),
-            &[forces.axial_torque1_nm, forces.axial_torque2_nm],
-            &[forces.min_gap_m, forces.max_penetration_m, forces.winding_turns],
-        ]
-        .concat();
-        self.forces.push(forces.time_s, std::array::from_fn(|k| row[k]));
+        self.forces.push(forces.time_s, forces.columns());
     }
 
     /// Adds the centre lines of both flagella, body axes, m.

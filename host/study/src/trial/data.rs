@@ -16,6 +16,7 @@ use protocol::Settings;
 use protocol::units::CentiRpm;
 use sim::params::Robot;
 use sim::trial::means::WINDOW;
+use sim::trial::quantity::SAMPLE_COLUMNS;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -23,11 +24,6 @@ use std::path::PathBuf;
 /// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both from their
 /// encoders.
 pub const MOTORS: usize = 6;
-
-/// Columns of [`Data::forces`]: force of flagellum 1 and 2 on the base (x, y, z each, body axes, N), the contact part
-/// of both (N), the reaction torques about the shafts (N m), smallest gap and largest overlap of the surfaces (m), and
-/// number of turns by which the flagella are wound around each other.
-pub const FORCES: usize = 17;
 
 /// Longest time without frames in which no robot makes a full turn, s: the fastest takes 3 s.
 const LONG_GAP_S: f64 = 1.0;
@@ -170,8 +166,8 @@ pub struct Data {
     pub motors: Columns<MOTORS>,
     /// Modelled and simulated robots only: yaw, pitch, roll (degrees) and turns of both shafts, unrounded.
     pub truth: Columns<5>,
-    /// See [`FORCES`]; empty unless requested.
-    pub forces: Columns<FORCES>,
+    /// The columns of [`sim::trial::quantity::sample_columns`]; empty unless requested.
+    pub forces: Columns<SAMPLE_COLUMNS>,
     /// Shapes of the flagella; empty unless requested.
     pub shapes: Shapes,
     /// Events, up to a limit.

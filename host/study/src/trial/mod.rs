@@ -43,7 +43,7 @@ pub(crate) use causes::SENSOR_ERRORS;
 pub(crate) use causes::sensor_error;
 pub(crate) use causes::{Causes, OverTime};
 pub use collect::Collector;
-pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+pub use data::{Data, Event, LinkSecond, MOTORS, Records, Want};
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::{DAMAGED_FRAME, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};
