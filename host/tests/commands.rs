@@ -237,7 +237,10 @@ fn export_has_the_angles_of_the_other_commands() {
     assert!((mean - info["angles"]["yaw_deg"].as_f64().unwrap()).abs() < 0.01, "{mean}");
 
     let tum = folder.path().join("a.tum");
-    assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)])), 3);
+    let wrong = biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum.with_extension("csv"))]);
+    assert!(code(&wrong) == 2 && stderr(&wrong).contains("the name must end with .tum"), "{}", stderr(&wrong));
+    // The name says the format.
+    assert_eq!(code(&biflag(&["export", path(&log), "-o", path(&tum)])), 3);
     let text = std::fs::read_to_string(&tum).unwrap();
     let last: Vec<f64> = text.lines().last().unwrap().split(' ').map(|cell| cell.parse().unwrap()).collect();
     // A yaw of 24 degrees.
@@ -284,10 +287,14 @@ fn export_keeps_the_log_and_leaves_no_partial_file() {
     let [symbolic, hard] = ["symbolic.csv", "hard.csv"].map(|name| folder.path().join(name));
     std::os::unix::fs::symlink(&log, &symbolic).unwrap();
     std::fs::hard_link(&log, &hard).unwrap();
-    for output in [&log, &symbolic, &hard] {
+    for (output, said) in [
+        (&log, "the name must end with .csv, .parquet or .tum"),
+        (&symbolic, "is the log itself"),
+        (&hard, "is the log itself"),
+    ] {
         let output = biflag(&["export", path(&log), "-o", path(output), "--force"]);
         assert_eq!(code(&output), 2);
-        assert!(stderr(&output).contains("is the log itself"), "{}", stderr(&output));
+        assert!(stderr(&output).contains(said), "{}", stderr(&output));
         assert!(std::fs::read(&log).unwrap() == content);
     }
     let csv = folder.path().join("a.csv");

@@ -244,7 +244,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
 
     for (args, message) in [
         (&["fit", "thick.toml", "-o", "x.svg"][..], "has no fit"),
-        (&["trial", a, "-o", "figure.jpg"], "a figure ends with .svg, .pdf or .png"),
+        (&["trial", a, "-o", "figure.jpg"], "the name must end with .svg, .pdf or .png"),
         (&["trial", a, "--time", "3,1", "-o", "x.svg"], "the earlier one first"),
         (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "give millimetres, 60 to 400"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),

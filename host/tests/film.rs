@@ -73,7 +73,7 @@ fn what_cannot_be_filmed_is_wrong_use() {
     assert_eq!(code(&run), Some(3), "not settled");
     let log = "session/001_w1+37.3_w2+0.mcap";
     for (args, why) in [
-        (&["film", log, "-o", "film.mp4"][..], "a film is written as .gif or .webm"),
+        (&["film", log, "-o", "film.mp4"][..], "the name must end with .gif or .webm"),
         (&["film", log, "-o", "film.gif", "--time", "3,9"], "nothing to film"),
         (&["film", log, "-o", "film.gif", "--speed", "0"], "0.05 to 100"),
         (&["film", "session/session.toml", "-o", "film.gif"], "not an MCAP file"),

@@ -39,9 +39,11 @@ fn plan_check_says_what_may_be_wrong() {
     let long = "[trial]\nrun = 120\n[speeds]\npairs = [[47.3, -12.9], [0, 33.3]]";
     let found = check(long);
     assert_eq!(found["trials"][0]["name"], "001_w1+47.3_w2-12.9");
-    assert!(matches!(texts(&found["findings"])[..], [sensor] if sensor.contains("no sensor file")), "{found}");
+    let [sensor, angles] = texts(&found["findings"])[..] else { panic!("{found}") };
+    assert!(sensor.contains("no sensor file") && angles.starts_with("1 of 2 trials, such as those at 0 and 33.3 rpm"));
+    assert_eq!(texts(&check(&long.replace("120", "120\nphases = 2"))["findings"]).len(), 1, "they are turned to");
     let found = check(&long.replace("120", "11.5\ndecay = 2"));
-    let [_, run, rest] = texts(&found["findings"])[..] else { panic!("{found}") };
+    let [_, run, rest, _] = texts(&found["findings"])[..] else { panic!("{found}") };
     assert!(run.starts_with("a run has 12 s, and the robot takes 54 s"), "{run}");
     assert!(rest.starts_with("the plan has 27 s of rest"), "{rest}");
     assert_eq!(found["duration_s"], 2.0 * (5.0 + 20.0 + 11.5 + 2.0));

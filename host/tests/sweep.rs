@@ -46,6 +46,20 @@ fn wrong_plan_and_wrong_folder_are_wrong_use() {
         assert_eq!(output.status.code(), Some(2), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
     assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "nothing was made");
+    // A session and a sweep do not share a folder.
+    std::fs::create_dir(folder.join("s")).unwrap();
+    for (manifest, args, said) in [
+        ("session.toml", &["sweep", "groups"][..], "is a session folder"),
+        ("sweep.toml", &["simulate", "--speeds=50,10", "--duration", "1"], "already contains a sweep"),
+    ] {
+        std::fs::write(folder.join("s").join(manifest), "").unwrap();
+        let output = biflag(folder, &[args, &["--out", "s"]].concat());
+        assert!(
+            output.status.code() == Some(2) && String::from_utf8_lossy(&output.stderr).contains(said),
+            "{output:?}"
+        );
+        std::fs::remove_file(folder.join("s").join(manifest)).unwrap();
+    }
 }
 
 /// Every point is a row: with its groups, lengths, and a result like that of `simulate`, or with the reason.

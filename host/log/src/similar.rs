@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Smallest similarity of two names, 0 to 1: 0.8 is one wrong letter in five.
-const LEAST: f64 = 0.8;
+/// Smallest similarity of two names, 0 to 1: 0.75 is one wrong letter, or two that changed places, in four.
+const LEAST: f64 = 0.75;
 
 /// Returns the existing file or folder with the name most similar to a path that does not exist.
 pub fn similar(path: &Path) -> Option<PathBuf> {

@@ -88,6 +88,7 @@ impl Answer {
         if !self.aimed.reachable {
             return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));
         }
+        output::ending(&path, &["toml"])?;
         output::check_new(&path)?;
         let robot = self.robot_file(&path)?;
         Ok(output::write_new(&path, &plan(&path, &robot, &self.target, &self.aimed.solutions))?)

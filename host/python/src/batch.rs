@@ -7,7 +7,7 @@ use crate::robot::Robot;
 use crate::simulate;
 use crate::speeds;
 use crate::threads;
-use biflag_log::{Method, SteadyMeta};
+use biflag_log::SteadyMeta;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -65,11 +65,9 @@ pub fn simulate_batch<'py>(
         Ok(pool.install(|| all().with_max_len(1).collect()))
     })?;
     let table = columns(py, &pairs, &results)?;
-    if method == Method::Steady {
-        let kind = |steady: &SteadyMeta| steady.kind.map_or("", Kind::name);
-        let kinds = results.iter().map(|result| result.as_ref().map_or("", kind));
-        table.set_item("kind", kinds.collect::<Vec<_>>())?;
-    }
+    let kind = |steady: &SteadyMeta| steady.kind.map_or("", Kind::name);
+    let kinds = results.iter().map(|result| result.as_ref().map_or("", kind));
+    table.set_item("kind", kinds.collect::<Vec<_>>())?;
     Ok(table)
 }
 

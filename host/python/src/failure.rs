@@ -152,8 +152,10 @@ impl From<SweepError> for Failure {
 
 impl From<OutputError> for Failure {
     fn from(error: OutputError) -> Self {
-        let (OutputError::Exists { path } | OutputError::Folder { path, .. } | OutputError::Write { path, .. }) =
-            &error;
+        let (OutputError::Exists { path }
+        | OutputError::Folder { path, .. }
+        | OutputError::Ending { path, .. }
+        | OutputError::Write { path, .. }) = &error;
         Self::of_file(path, &error)
     }
 }

@@ -66,7 +66,7 @@ pub fn draw(
     let (value, over, by) = (value?, over?, by?);
     let at: BTreeMap<String, f64> = get(&options, "at")?.unwrap_or_default();
     let at: Vec<_> = at.into_iter().collect();
-    let figure = interruptible(py, |_| {
+    let mut figure = interruptible(py, |_| {
         let (path, against) = (&*paths[0], against.as_deref());
         let trial = Subject { path, number };
         let figure = match subject {
@@ -84,6 +84,7 @@ pub fn draw(
         };
         figure.map_err(|error| Failure::of(&error))
     })?;
+    figure.rename_logs(&folder.path().display().to_string(), "unsaved");
     let grave = figure.remarks.findings.iter().filter(|of_log| of_log.finding.grave);
     let grave = grave.map(|of_log| format!("{}: {}", of_log.log, of_log.finding));
     for text in grave.chain(figure.remarks.warnings.iter().cloned()) {

@@ -110,6 +110,19 @@ def test_what_was_not_computed_in_time_is_named(tmp_path: Path) -> None:
     assert aimed.table().rows == (aimed.nearest is not None)
 
 
+def test_what_is_out_of_reach_has_a_nearest_attitude() -> None:
+    # Four seconds are enough on a computer that is not busy.
+    for seconds in (4, 30):
+        aimed = biflag.aim(biflag.Robot.physical(), yaw=-40, tilt=60, seconds=seconds)
+        if aimed.nearest is not None:
+            break
+    assert aimed.nearest is not None and not aimed.reachable and not aimed.solutions
+    nearest = aimed.nearest
+    assert 0 < nearest.tilt_deg < 60 and nearest.error_deg is not None and nearest.error_deg > 10
+    table = aimed.table()
+    assert (table.rows, table["w1_rpm"][0], table["tilt_deg"][0]) == (1, nearest.w1_rpm, nearest.tilt_deg)
+
+
 @pytest.mark.parametrize(
     ("key", "arguments"),
     [

@@ -52,7 +52,9 @@ def test_steady_states_are_those_of_the_command_line(tmp_path: Path) -> None:
             assert table[name][i] == row[name], (name, row["name"])
         assert table["force1_z_n"][i] == row["force1_n"][2]
     assert table["kind"].tolist() == ["steady", "steady", "not_found"]
-    assert "kind" not in biflag.simulate_batch(ROBOT, [(0, 0)], 1)
+    light = ROBOT.replace({"base.mass_centre_below_joint_m": -0.02})
+    trials = biflag.simulate_batch([ROBOT, light], [(50, 10)] * 2, 12)
+    assert trials["kind"].tolist() == ["", "overturned"] and np.isnan(trials["yaw_deg"]).tolist() == [False, True]
 
 
 def test_each_row_may_have_a_robot_of_its_own() -> None:

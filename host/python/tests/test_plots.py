@@ -69,6 +69,7 @@ def test_figures_are_those_of_the_program(recorded: Path, tmp_path: Path) -> Non
 def test_simulated_trials_are_drawn_without_a_file() -> None:
     trials = [biflag.simulate(robot, (50, 10), 12) for robot in (ROBOT, biflag.Robot.physical())]
     alone = biflag.figure("trial", trials[0])
+    assert "\nlog unsaved/w1+50_w2+10.mcap" in alone.svg
     with pytest.raises(biflag.Error, match="robots differ"):
         biflag.figure("trial", trials[0], against=trials[1])
     with pytest.warns(UserWarning, match="robots differ"):

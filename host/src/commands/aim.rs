@@ -1,6 +1,6 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
-use super::options::within;
+use super::options::{within, written_as};
 use super::{Answer, Outcome};
 use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Quantity, Solution, Target, Unknown};
 use crate::output;
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long = "for", value_name = "SECONDS", default_value_t = 60.0, value_parser = within("seconds", 0.001..=86_400.0))]
     longest_s: f64,
     /// The plan to write, with a trial at each pair of speeds; it must not exist yet.
-    #[arg(short, long, value_name = "PLAN")]
+    #[arg(short, long, value_name = "PLAN", value_parser = written_as(&["toml"]))]
     out: Option<PathBuf>,
 }
 

@@ -6,7 +6,7 @@
 use crate::colour;
 use crate::signals::{INTERRUPTED, is_interrupted};
 use crate::text::{decimal_point, json_without, printable, quoted};
-use clap::error::{ContextKind, ContextValue};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -96,13 +96,16 @@ pub(super) fn not_parsed(error: clap::Error, json: bool) -> ExitCode {
     print(&if json { escaped(&body()) } else { String::new() }, code)
 }
 
-/// Adds the hint of a common mistake: a decimal comma, or a plan after `biflag plan`.
+/// Adds the hint of a common mistake: a decimal comma, a plan after `biflag plan`, or no file to write.
 pub(super) fn with_hint(mut error: clap::Error) -> clap::Error {
     let text = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
     let command = text(ContextKind::InvalidSubcommand);
     let hint = match decimal_point(&text(ContextKind::InvalidValue)) {
         // A comma also separates two values: `--speeds <W1,W2>`.
         Some(number) if !text(ContextKind::InvalidArg).contains(',') => format!("write a decimal point: {number}"),
+        _ if error.kind() == ErrorKind::MissingRequiredArgument && text(ContextKind::InvalidArg).contains("--out") => {
+            "name the file to write, with -o; nothing was done without it".to_owned()
+        }
         _ if command.ends_with(".toml") => format!("`biflag plan check {}` checks a plan", quoted(&command)),
         _ => return error,
     };

@@ -1,7 +1,7 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
 use super::findings::{are_slight, finding_line};
-use super::options::{ClosureName, cores};
+use super::options::{ClosureName, cores, written_as};
 use super::{Answer, Outcome};
 use crate::output;
 use crate::plan::robot;
@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// The robot file to write, which must not exist yet.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = written_as(&["toml"]))]
     out: PathBuf,
     /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw, phase; by default all except young
     /// and phase.

@@ -1,7 +1,7 @@
 //! `biflag compare`: compares experiment and model.
 
 use super::findings::finding_line;
-use super::options::{ClosureName, cores};
+use super::options::{ClosureName, cores, written_as};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
 use crate::report::{self, ByteBudget, Kind, View};
@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, value_enum, conflicts_with = "b")]
     closure: Option<ClosureName>,
     /// The page to write; by default compare.html in the session folder, or LOG.compare.html.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = written_as(&["html"]))]
     out: Option<PathBuf>,
     /// Number of parallel trials; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -3,6 +3,7 @@
 use super::findings::{are_slight, lines_of_logs};
 use super::{Answer, Outcome};
 use crate::export::{Format, export_log, export_session};
+use crate::output::ending;
 use crate::text::count;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
@@ -23,9 +24,9 @@ pub struct Args {
     /// A log, or a session folder.
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
-    /// The format.
-    #[arg(short, long, value_parser = formats(), default_value = "csv")]
-    format: Format,
+    /// The format [default: that of the output's name, or csv].
+    #[arg(short, long, value_parser = formats())]
+    format: Option<Format>,
     /// The file to write, or for a session the folder [default: LOG with the format's extension, or SESSION-export].
     #[arg(short, long = "out", alias = "output")]
     output: Option<PathBuf>,
@@ -42,6 +43,10 @@ fn formats() -> impl TypedValueParser<Value = Format> {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let is_session = args.path.is_dir();
+    let formats = args.format.map_or(Format::ALL.to_vec(), |format| vec![format]);
+    let endings: Vec<_> = formats.iter().map(|format| format.extension()).collect();
+    let named = args.output.as_deref().filter(|output| !is_session && output.extension().is_some());
+    let format = formats[named.map_or(Ok(0), |output| ending(output, &endings))?];
     let output = args.output.clone().unwrap_or_else(|| {
         if is_session {
             let folder = args.path.canonicalize().unwrap_or_else(|_| args.path.clone());
@@ -49,16 +54,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             name.push("-export");
             folder.with_file_name(name)
         } else {
-            args.path.with_extension(args.format.extension())
+            args.path.with_extension(format.extension())
         }
     });
     let export = if is_session { export_session } else { export_log };
-    let exported = export(&args.path, &output, args.format, args.force)?;
+    let exported = export(&args.path, &output, format, args.force)?;
     let clean = exported.damaged.is_empty();
     let is_sound = clean && are_slight(&exported.findings);
     let body = json!({
         "log": args.path.to_string_lossy(),
-        "format": args.format.extension(),
+        "format": format.extension(),
         "output": output.to_string_lossy(),
         "files": exported.files.iter().map(|file| file.to_string_lossy()).collect::<Vec<_>>(),
         "trials": exported.trials.iter().map(|(name, origin)| json!({ "name": name, "origin": origin })).collect::<Vec<_>>(),

@@ -1,7 +1,7 @@
 //! `biflag import`: a trial that other instruments measured, as a log.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::{pair, span, speeds, within};
+use super::options::{pair, span, speeds, within, written_as};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, value_name = "QUANTITY=COLUMN,...", allow_hyphen_values = true)]
     columns: Option<String>,
     /// The log to write, which must not exist yet; by default that of the table's name.
-    #[arg(short, long = "out", alias = "output", value_name = "LOG")]
+    #[arg(short, long = "out", alias = "output", value_name = "LOG", value_parser = written_as(&["mcap"]))]
     output: Option<PathBuf>,
     /// The log of a recording of the same trial. The clock of the table is then found by the yaw that both have measured, and
     /// robot, speeds and run are those of the recording: the table is a second source of its angles.
@@ -139,7 +139,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let [from, to] = [run_s.start, run_s.end].map(|time| decimal(time, 2));
     let steady = angles.map_or_else(String::new, |angles| format!("\nsteady: {angles}"));
     let text = printable(&format!(
-        "{log}: {}, {} s; the motors turn from {from} to {to} s at {w1_rpm} and {w2_rpm} rpm\nread as: {mapping}{found}{steady}{}\n\
+        "{log}: {}, {} s; the motors turn from {from} to {to} s at {w1_rpm} and {w2_rpm} rpm\nread as: {mapping}\npositive yaw: counter-clockwise seen from above{found}{steady}{}\n\
          next: biflag compare {}{}",
         count(samples, "sample"),
         decimal(data.duration_s, 2),

@@ -149,7 +149,11 @@ mod tests {
             (vec!["plan", "two.toml"], "`biflag plan check two.toml`"),
             (vec!["aim", "--yaw=-67,5", "--pitch", "3"], "write a decimal point: -67.5"),
             (vec!["sensor", "turn", "z", "720,5"], "write a decimal point: 720.5"),
-            (vec!["simulate", "--speeds=50,10,5", "--duration", "1"], "give two speeds in rpm"),
+            (vec!["simulate", "--speeds=37,55,-12,25", "--duration", "1"], "a plan has several pairs"),
+            (vec!["calibrate", "walk", "--fit", "phase"], "name the file to write, with -o"),
+            (vec!["compare", "walk", "-o", "x.pdf"], "the name must end with .html"),
+            (vec!["import", "x.csv", "-o", "x.txt"], "the name must end with .mcap"),
+            (vec!["new", "new.csv"], "the name must end with .toml"),
         ] {
             let error = Cli::try_parse_from([&["biflag"], args.as_slice()].concat()).unwrap_err();
             let said = answer::with_hint(error).to_string();

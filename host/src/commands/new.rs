@@ -1,5 +1,6 @@
 //! `biflag new`: a plan to begin with.
 
+use super::options::written_as;
 use super::{Answer, Outcome, WRONG_USE};
 use crate::output::{self, OutputError};
 use crate::plan::{EXAMPLE, Plan};
@@ -13,7 +14,7 @@ use std::path::PathBuf;
 #[command(after_help = "Example: biflag new glycerin.toml\nAn existing file is never replaced.")]
 pub struct Args {
     /// The file to write.
-    #[arg(default_value = "plan.toml")]
+    #[arg(default_value = "plan.toml", value_parser = written_as(&["toml"]))]
     file: PathBuf,
 }
 
@@ -31,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         written => written?,
     }
-    let preview = Preview::of(&Plan::load(&args.file)?);
+    let preview = Preview::of(&Plan::load(&args.file)?, false);
     let mut body = serde_json::to_value(&preview).into_diagnostic()?;
     if let Some(body) = body.as_object_mut() {
         body.insert("file".to_owned(), json!(args.file.to_string_lossy()));

@@ -1,11 +1,14 @@
 //! Options shared by several commands.
 
+use crate::output::ending;
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use crate::sweep::Shard;
 use biflag_log::Method;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub enum ClosureName {
@@ -55,7 +58,12 @@ pub fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
         let rpm: f64 = text.parse().map_err(|_| format!("{text:?} is not a speed"))?;
         plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
     };
-    pair(text, "give two speeds in rpm, such as 50,10", one)
+    pair(text, "give two speeds in rpm, such as 50,10 or 37.55,-12.25; a plan has several pairs: `biflag new`", one)
+}
+
+/// Returns a parser of the name of a file that is written, which has one of these endings or none.
+pub fn written_as(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| path.extension().map_or(Ok(0), |_| ending(&path, endings)).map(|_| path))
 }
 
 /// Returns a parser of numbers within a range. `what` names them with their unit.

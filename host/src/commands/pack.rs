@@ -1,6 +1,7 @@
 //! `biflag pack`: a session as one archive.
 
 use super::findings::{are_slight, lines_of_logs};
+use super::options::written_as;
 use super::{Answer, Outcome, WRONG_USE};
 use crate::pack::{About, pack};
 use crate::progress::Progress;
@@ -17,7 +18,7 @@ pub struct Args {
     /// The session folder.
     session: PathBuf,
     /// The archive to write [default: SESSION.zip].
-    #[arg(short, long = "out", alias = "output", value_name = "FILE.zip")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE.zip", value_parser = written_as(&["zip"]))]
     output: Option<PathBuf>,
     /// Who made the recording [default: the operator in the plan].
     #[arg(long, value_name = "NAME")]

@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
 /// Returns what a plan will do as an answer.
 pub(super) fn preview(plan: &Plan) -> miette::Result<Answer> {
-    let preview = Preview::of(plan);
+    let preview = Preview::of(plan, false);
     let mut text = preview.to_string();
     if preview.duration_s > 0.0 {
         text += &format!("\nwould end at {} if it began now", end_after(preview.duration_s));

@@ -1,5 +1,6 @@
 //! `biflag recover`: writes an intact log from one that is cut off or damaged, and rebuilds a session's manifest.
 
+use super::options::written_as;
 use super::{Answer, Outcome, WRONG_USE};
 use crate::session::{self, Rebuilt, SessionError};
 use crate::text::count;
@@ -21,7 +22,7 @@ pub struct Args {
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
     /// The log to write, which must not exist yet [default: LOG with .recovered.mcap].
-    #[arg(short, long = "out", alias = "output")]
+    #[arg(short, long = "out", alias = "output", value_parser = written_as(&["mcap"]))]
     output: Option<PathBuf>,
 }
 

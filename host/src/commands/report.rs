@@ -47,17 +47,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let is_sound = written.is_sound && are_slight(&written.findings);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
-    let warnings = match written.warnings {
-        0 => String::new(),
-        number => format!(", with {}", text::count(number, "warning")),
-    };
-    let text = format!("{}: {:.1} MB{warnings}", written.html.display(), written.bytes as f64 * 1e-6)
+    let notes = written.findings.iter().filter(|of_log| !of_log.finding.grave).count();
+    let counts = [(written.warnings, "warning"), (notes, "note")].into_iter().filter(|(number, _)| *number > 0);
+    let with: String = counts.map(|(number, what)| format!(", {}", text::count(number, what))).collect();
+    let text = format!("{}: {:.1} MB{with}", written.html.display(), written.bytes as f64 * 1e-6)
         + &lines_of_logs(&written.findings);
     let body = json!({
         "html": written.html.to_string_lossy(),
         "bytes": written.bytes,
         "trials": written.trials,
         "warnings": written.warnings,
+        "notes": notes,
         "findings": written.findings,
     });
     Answer::new(outcome, &body, text)

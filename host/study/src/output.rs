@@ -1,5 +1,6 @@
 //! Files that commands write: each is written whole or not at all.
 
+use crate::text::listed;
 use biflag_log::atomic_file::{self, Draft, folder_of};
 use miette::Diagnostic;
 use std::fs::File;
@@ -25,6 +26,15 @@ pub enum OutputError {
         path: PathBuf,
         /// Why.
         reason: String,
+    },
+    /// The name ends otherwise than what is written into the file.
+    #[error("{}: the name must end with {endings}", path.display())]
+    #[diagnostic(code(wrong_use))]
+    Ending {
+        /// The file.
+        path: PathBuf,
+        /// How the name may end.
+        endings: String,
     },
     /// The file could not be written.
     #[error("{}: cannot be written", path.display())]
@@ -52,6 +62,18 @@ impl OutputError {
             _ => Self::Write { path, source },
         }
     }
+}
+
+/// Returns which of these endings the name of a file has, whose case does not matter.
+///
+/// # Errors
+/// [`OutputError::Ending`].
+pub fn ending(path: &Path, endings: &[impl AsRef<str>]) -> Result<usize, OutputError> {
+    let found = path.extension().unwrap_or_default();
+    endings.iter().position(|ending| found.eq_ignore_ascii_case(ending.as_ref())).ok_or_else(|| {
+        let endings: Vec<_> = endings.iter().map(|ending| format!(".{}", ending.as_ref())).collect();
+        OutputError::Ending { path: path.to_owned(), endings: listed(&endings).replace(" and ", " or ") }
+    })
 }
 
 /// Refuses a path that cannot become a file.

@@ -1,6 +1,7 @@
 //! Preview of a plan on the rig, before anything runs: its trials, its duration, and findings about them.
 
 use crate::plan::Plan;
+use crate::run::model::note_on_unknown_angles;
 use crate::text;
 use crate::trial::{Finding, FindingKind};
 use jiff::tz::TimeZone;
@@ -39,8 +40,8 @@ pub struct PlannedTrial {
 }
 
 impl Preview {
-    /// Returns the preview of a plan.
-    pub fn of(plan: &Plan) -> Self {
+    /// Returns the preview of a plan. `knows_angles`: whether the board is known to know where the flagella start.
+    pub fn of(plan: &Plan, knows_angles: bool) -> Self {
         let trials = plan.trials.iter().map(|trial| {
             let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
             PlannedTrial { name: trial.name.clone(), w1_rpm, w2_rpm, duration_s: trial.phases.total_s() }
@@ -52,7 +53,7 @@ impl Preview {
             trials: trials.collect(),
             duration_s,
             at_most_s: duration_s + waits_s,
-            findings: findings(plan),
+            findings: findings(plan, knows_angles),
         }
     }
 
@@ -95,7 +96,7 @@ impl fmt::Display for Preview {
     }
 }
 
-fn findings(plan: &Plan) -> Vec<Finding> {
+fn findings(plan: &Plan, knows_angles: bool) -> Vec<Finding> {
     let mut findings = Vec::new();
     if plan.sensor.is_none() {
         let text = "the plan names no sensor file, so the sensor's errors are those of the data sheet";
@@ -105,7 +106,10 @@ fn findings(plan: &Plan) -> Vec<Finding> {
     let run =
         plan.note_on_run().map(|text| Finding::slight(FindingKind::Window, text, "set a longer run under [trial]"));
     let rest = plan.note_on_rest().map(|text| Finding::slight(FindingKind::Rest, text, ""));
-    findings.extend(run.into_iter().chain(rest));
+    // A plan with phases turns the flagella to known angles.
+    let angles = note_on_unknown_angles(&plan.trials).filter(|_| !knows_angles && !plan.has_phases());
+    let angles = angles.map(|text| Finding::slight(FindingKind::Conduct, text, ""));
+    findings.extend(run.into_iter().chain(rest).chain(angles));
     findings
 }
 

@@ -91,8 +91,9 @@ pub(super) fn draw(
     let width = column - left - right;
     let height = width * 0.9;
     for (i, map) in maps.iter().enumerate() {
-        let all = || map.surface.iter().chain(map.points).map(|point| point.at).chain(map.unknown.iter().copied());
-        let [x, y] = [0, 1].map(|k| extent(&all().map(|at| at[k]).collect::<Vec<_>>(), labels[k]));
+        let cells = || map.surface.iter().map(|point| point.at).chain(map.unknown.iter().copied());
+        let all = || cells().chain(map.points.iter().map(|point| point.at));
+        let [x, y] = [0, 1].map(|k| extent(cells().map(|at| at[k]), all().map(|at| at[k]), labels[k]));
         let panel = Panel {
             x,
             y,
@@ -117,12 +118,12 @@ pub(super) fn draw(
     sheet.svg(bottom + 1.0 * MM)
 }
 
-/// Returns an axis over values: half a cell beyond the outermost.
-fn extent(values: &[f64], label: &str) -> Axis {
-    let sorted = distinct(values);
-    let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
-    let room = if sorted.len() > 1 && sorted.len() <= MAX_CELLS {
-        0.5 * (high - low) / (sorted.len() - 1) as f64
+/// Returns an axis over all values: half a cell beyond the outermost.
+fn extent(cells: impl Iterator<Item = f64>, all: impl Iterator<Item = f64>, label: &str) -> Axis {
+    let [cells, all] = [distinct(cells.collect()), distinct(all.collect())];
+    let [low, high] = [all[0], all[all.len() - 1]];
+    let room = if cells.len() > 1 && cells.len() <= MAX_CELLS {
+        0.5 * (cells[cells.len() - 1] - cells[0]) / (cells.len() - 1) as f64
     } else {
         0.05 * (high - low)
     };
@@ -130,8 +131,7 @@ fn extent(values: &[f64], label: &str) -> Axis {
     Axis::new(low - room, high + room, label)
 }
 
-fn distinct(values: &[f64]) -> Vec<f64> {
-    let mut sorted = values.to_vec();
+fn distinct(mut sorted: Vec<f64>) -> Vec<f64> {
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
     sorted
@@ -252,7 +252,7 @@ fn colour_bar(sheet: &mut Sheet, panel: &Panel, scale: &Axis, levels: &[f64], sh
 impl Grid {
     /// Returns the grid of points if most of its nodes have one; `None` for scattered points.
     fn of(points: &[Point]) -> Option<Self> {
-        let [xs, ys] = [0, 1].map(|k| distinct(&points.iter().map(|point| point.at[k]).collect::<Vec<_>>()));
+        let [xs, ys] = [0, 1].map(|k| distinct(points.iter().map(|point| point.at[k]).collect()));
         let nodes = xs.len() * ys.len();
         if xs.len() < 2 || ys.len() < 2 || xs.len() > MAX_CELLS || ys.len() > MAX_CELLS || 2 * points.len() < nodes {
             return None;
@@ -266,13 +266,15 @@ impl Grid {
         Some(Self { xs, ys, values, signed: signed_values })
     }
 
-    /// Fills the cell of each node; between two nodes is a border.
+    /// Fills the cell of each node; between two nodes is a border, and as far beyond the outermost.
     fn cells(&self, sheet: &mut Sheet, panel: &Panel, shade: &dyn Fn(f64) -> String) {
-        let borders = |nodes: &[f64], low: f64, high: f64| -> Vec<f64> {
-            let between = nodes.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
-            std::iter::once(low).chain(between).chain([high]).collect()
+        let borders = |nodes: &[f64], axis: &Axis| -> Vec<f64> {
+            let between: Vec<f64> = nodes.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+            let last = nodes.len() - 1;
+            let (low, high) = (2.0 * nodes[0] - between[0], 2.0 * nodes[last] - between[last - 1]);
+            [vec![low.max(axis.low)], between, vec![high.min(axis.high)]].concat()
         };
-        let (across, up) = (borders(&self.xs, panel.x.low, panel.x.high), borders(&self.ys, panel.y.low, panel.y.high));
+        let (across, up) = (borders(&self.xs, &panel.x), borders(&self.ys, &panel.y));
         for (j, row) in self.values.iter().enumerate() {
             for (i, value) in row.iter().enumerate().filter(|(_, value)| value.is_finite()) {
                 let ([left, bottom], [right, top]) = (panel.at(across[i], up[j]), panel.at(across[i + 1], up[j + 1]));
@@ -374,6 +376,26 @@ mod tests {
         // The first column is not settled, and one point is unknown.
         let marks = (coarse.matches("<circle").count(), coarse.matches("h2.2v2.2h-2.2Z").count());
         assert_eq!(marks, (CONTOUR_NODES - 1, 1));
+    }
+
+    #[test]
+    fn a_point_outside_the_grid_leaves_the_cells_their_shape() {
+        let nodes = points(|x, _| x);
+        let of = |axes: [Axis; 2]| {
+            let [x, y] = axes;
+            let mut sheet = Sheet::new(88.0);
+            let panel = Panel { x, y, left: 0.0, top: 0.0, width: 100.0, height: 100.0 };
+            Grid::of(&nodes).unwrap().cells(&mut sheet, &panel, &|_| String::new());
+            let svg = sheet.svg(100.0);
+            let widths = svg.split("<rect").skip(1).filter_map(|rect| rect.split("width=\"").nth(1)?.split('"').next());
+            widths.filter_map(|width| width.parse().ok()).collect::<Vec<f64>>()
+        };
+        let of_cells = |k: usize| nodes.iter().map(move |point| point.at[k]);
+        let x = extent(of_cells(0), of_cells(0).chain([43.0, 100.0]), "");
+        let y = extent(of_cells(1), of_cells(1), "");
+        assert_eq!([x.low, x.high, y.low, y.high], [-5.0, 105.0, -2.5, 32.5]);
+        let widths = of([x, y]);
+        assert!(widths.len() >= 63 && widths.iter().all(|width| (width - widths[0]).abs() < 0.02), "{widths:?}");
     }
 
     #[test]

@@ -24,6 +24,7 @@ pub use sweep::{Lines, lines};
 
 use crate::film::FilmError;
 use crate::swept;
+use biflag_log::similar::did_you_mean;
 use biflag_log::{LogError, Origin};
 use map::{Map, Mark, Point};
 use miette::Diagnostic;
@@ -54,13 +55,6 @@ pub const MOMENTS: RangeInclusive<i64> = 2..=12;
 /// Why a figure was not drawn.
 #[derive(Error, Diagnostic, Debug)]
 pub enum FigureError {
-    /// The file's name has no known ending.
-    #[error("{}: a figure ends with .svg, .pdf or .png", path.display())]
-    #[diagnostic(code(wrong_use))]
-    Format {
-        /// The file.
-        path: PathBuf,
-    },
     /// The log has no forces.
     #[error("{}: contains no forces", path.display())]
     #[diagnostic(code(wrong_use), help("name a log of the model: `biflag simulate --from LOG` replays a recording"))]
@@ -107,7 +101,7 @@ pub enum FigureError {
     },
     /// A log has one trial.
     #[error("{}: is no session folder, so that its trials have no numbers", path.display())]
-    #[diagnostic(code(wrong_use), help("leave the number out, or name the session's folder"))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "leave the number out, or name the session's folder")))]
     NoNumber {
         /// The log.
         path: PathBuf,
@@ -215,6 +209,12 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// Replaces a part of the names of its logs, in where it comes from and in what is said about it.
+    pub fn rename_logs(&mut self, from: &str, to: &str) {
+        let of_findings = self.remarks.findings.iter_mut().map(|of_log| &mut of_log.log);
+        self.provenance.logs.iter_mut().chain(of_findings).for_each(|name| *name = name.replace(from, to));
+    }
+
     /// Returns the content of its file, with where it comes from.
     ///
     /// # Errors
@@ -469,8 +469,10 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         let maker = angles.as_ref().and_then(|_| Maker::of(&data).ok());
         Ok((angles, found, log, maker.map(|maker| (maker, data.origin()))))
     };
-    let (mut trials, mut first) = (Vec::new(), None);
-    for (angles, found, log, maker) in attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()? {
+    let (mut trials, mut unknown, mut first) = (Vec::new(), Vec::new(), None);
+    let read = attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    for ((angles, found, log, maker), (state, _)) in read.into_iter().zip(&attempts) {
+        unknown.extend((angles.is_none() && state.complete().is_some()).then(|| state.trial.speeds.map(CentiRpm::rpm)));
         trials.extend(angles);
         remarks.findings.extend(found);
         logs.extend(log);
@@ -484,5 +486,5 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         Some(Origin::Model) | None => None,
     };
     let one_phase = origin == Some(Origin::Model) && !has_phases(&session.plan().trials);
-    Ok(Steady { known, unknown: Vec::new(), one_phase, measured, maker, is_varied: false })
+    Ok(Steady { known, unknown, one_phase, measured, maker, is_varied: false })
 }

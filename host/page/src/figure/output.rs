@@ -4,6 +4,7 @@
 
 use super::{FigureError, print};
 use std::path::Path;
+use study::output::{OutputError, ending};
 
 /// The format of a file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -20,15 +21,9 @@ impl Format {
     /// Returns the format that a file's name ends with.
     ///
     /// # Errors
-    /// [`FigureError::Format`].
-    pub fn of(path: &Path) -> Result<Self, FigureError> {
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        match extension.to_ascii_lowercase().as_str() {
-            "svg" => Ok(Self::Svg),
-            "pdf" => Ok(Self::Pdf),
-            "png" => Ok(Self::Png),
-            _ => Err(FigureError::Format { path: path.to_owned() }),
-        }
+    /// [`OutputError::Ending`].
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
+        Ok([Self::Svg, Self::Pdf, Self::Png][ending(path, &["svg", "pdf", "png"])?])
     }
 }
 

@@ -18,7 +18,7 @@ const MAX_LOGS: usize = 500;
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(super) struct Provenance {
     title: String,
-    logs: Vec<String>,
+    pub logs: Vec<String>,
 }
 
 impl Provenance {

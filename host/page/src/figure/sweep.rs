@@ -4,6 +4,7 @@ use super::lines::{Curve, MOST, Point, draw};
 use super::provenance::Provenance;
 use super::{Figure, FigureError, Remarks};
 use crate::swept::{self, MOST_SPREAD_DEG, Swept};
+use biflag_log::similar::did_you_mean;
 use sim::body::closure::Closure;
 use std::path::{Path, PathBuf};
 use study::attitude::student_95;
@@ -113,7 +114,7 @@ fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), FigureError> {
     let wrong = |reason: String| FigureError::Swept {
         path: path.to_owned(),
         reason,
-        help: "name the folder of a sweep, or its table.parquet or table.csv".to_owned(),
+        help: did_you_mean(path, "name the folder of a sweep, or its table.parquet or table.csv"),
     };
     let table = swept::table_of(path).ok_or_else(|| wrong("is no sweep".to_owned()))?;
     let swept = Swept::read(&table).map_err(wrong)?;

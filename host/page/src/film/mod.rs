@@ -62,13 +62,6 @@ pub struct Film {
 /// Why a film was not written.
 #[derive(Error, Diagnostic, Debug)]
 pub enum FilmError {
-    /// The file's name has no known ending.
-    #[error("{}: a film is written as .gif or .webm", path.display())]
-    #[diagnostic(code(wrong_use), help("end the file's name with .gif or .webm"))]
-    Format {
-        /// The file.
-        path: PathBuf,
-    },
     /// A film of this kind needs FFmpeg.
     #[error("{}: the program {} is not installed, which encodes WebM", path.display(), webm::ENCODER)]
     #[diagnostic(help("install it (`sudo apt install ffmpeg`), or end the file's name with .gif"))]
@@ -104,23 +97,6 @@ pub enum FilmError {
     Plan(#[from] PlanError),
 }
 
-/// What a film is written as.
-#[derive(Clone, Copy, PartialEq, Debug)]
-enum Format {
-    Gif,
-    WebM,
-}
-
-impl Format {
-    /// Returns the format of a file by the ending of its name.
-    fn of(path: &Path) -> Option<Self> {
-        let extension = path.extension()?.to_str()?;
-        [("gif", Self::Gif), ("webm", Self::WebM)]
-            .into_iter()
-            .find_map(|(name, format)| extension.eq_ignore_ascii_case(name).then_some(format))
-    }
-}
-
 /// The frames of a film: the scene at each time.
 struct Frames<'a> {
     scene: Scene,
@@ -154,7 +130,7 @@ impl Frames<'_> {
 /// # Errors
 /// [`FilmError`].
 pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, usize)) -> Result<Film, FilmError> {
-    let format = Format::of(out).ok_or_else(|| FilmError::Format { path: out.to_owned() })?;
+    let is_webm = output::ending(out, &["gif", "webm"])? == 1;
     let data = Attempt::of_log(log).read(Want { shapes: usize::MAX, ..Want::default() })?;
     let zeroed = Zeroed::new(&data);
     let nothing = || FilmError::Nothing { path: log.to_owned() };
@@ -169,12 +145,12 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         times: (0..count).map(|i| span.start + i as f64 * options.speed * FRAME_S).collect(),
         drawn,
     };
-    let written = output::replace(out, |file| match format {
-        Format::Gif => gif::encode(&frames, file),
-        Format::WebM => webm::encode(&frames, file.get_ref()),
+    let written = output::replace(out, |file| match is_webm {
+        false => gif::encode(&frames, file),
+        true => webm::encode(&frames, file.get_ref()),
     });
     written.map_err(|error| match error {
-        OutputError::Write { path, source } if format == Format::WebM && source.kind() == ErrorKind::Unsupported => {
+        OutputError::Write { path, source } if is_webm && source.kind() == ErrorKind::Unsupported => {
             FilmError::NoEncoder { path }
         }
         other => FilmError::Output(other),

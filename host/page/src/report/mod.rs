@@ -93,7 +93,7 @@ pub struct Written {
     pub bytes: u64,
     /// How many trials it shows.
     pub trials: usize,
-    /// How many warnings it shows.
+    /// How many warnings it shows, without its notes.
     pub warnings: usize,
     /// Findings about the logs that it shows, and about those that it leaves out.
     pub findings: Vec<LogFinding>,
@@ -166,7 +166,7 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportErr
         Some(view) => view,
         None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
     };
-    let counts = Counts { trials: 1, warnings: view.warnings.len(), is_sound: is_sound(&view) };
+    let counts = Counts { trials: 1, warnings: graves(&view), is_sound: is_sound(&view) };
     put(out, &page_of_log(&view), counts, view.findings)
 }
 
@@ -270,7 +270,7 @@ fn of_session(
     findings.retain(|one| seen.insert((one.log.clone(), one.finding.to_string())));
     let counts = Counts {
         trials: shown().count(),
-        warnings: unreadable + shown().map(|(_, view)| view.warnings.len()).sum::<usize>(),
+        warnings: unreadable + shown().map(|(_, view)| graves(view)).sum::<usize>(),
         is_sound: unreadable == 0 && shown().all(|(_, view)| is_sound(view)),
     };
     put(out, &page, counts, findings)
@@ -346,10 +346,14 @@ struct Counts {
     is_sound: bool,
 }
 
+fn graves(view: &View) -> usize {
+    view.warnings.iter().filter(|warning| warning.is_grave).count()
+}
+
 fn is_sound(view: &View) -> bool {
     // A model that has not settled was asked for a steady state that it does not have.
     let settled = !view.is_model() || view.is_settled();
-    settled && !view.warnings.iter().any(|warning| warning.is_grave)
+    settled && graves(view) == 0
 }
 
 fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, ReportError> {

@@ -171,8 +171,13 @@ fn maps(rows: &[Row]) -> Vec<Markup> {
     let means = [false, true].map(|modelled| {
         let trial = |(i, row): (usize, &Row)| {
             let view = row.view().filter(|view| view.is_complete)?;
-            let steady = view.steady?;
-            let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
+            let angles = match view.steady {
+                Some(steady) if modelled => steady.modelled_deg?,
+                Some(steady) => steady.angles_deg,
+                // A model that overturned.
+                None if view.is_model() && !modelled => [f64::NAN; 3],
+                None => return None,
+            };
             let anchor = (!view.data.is_null()).then(|| anchor(i));
             Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(), anchor))
         };

@@ -21,6 +21,7 @@ __all__ = [
     "calibrate",
     "check_speeds",
     "compare",
+    "ending",
     "figure",
     "html",
     "picture",
@@ -110,6 +111,7 @@ def simulate(
     phase_deg: Sequence[float],
 ) -> Simulated: ...
 def check_speeds(speeds: ArrayLike) -> None: ...
+def ending(path: str | PathLike[str], endings: list[str]) -> int: ...
 def simulate_batch(
     robots: Sequence[Robot],
     speeds: ArrayLike,

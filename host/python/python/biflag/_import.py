@@ -11,7 +11,6 @@ from . import _biflag
 from ._biflag import Robot
 from ._errors import ParameterError
 from ._recording import Recording, read_log
-from ._trial import log_path
 
 
 def from_arrays(
@@ -70,7 +69,8 @@ def from_arrays(
         raise ParameterError(f"time, attitude and motors have different lengths: {sorted(lengths)}")
     kind = None if motion is None else "rpm" if motor_rpm is not None else "turns"
     known = {"speeds": speeds, "run": run, "uncertainty": uncertainty, "temperature": temperature, "note": note}
-    _biflag.write_states(log_path(path), np.hstack(columns), kind, robot or Robot.physical(), known)
+    _biflag.ending(path, ["mcap"])
+    _biflag.write_states(path, np.hstack(columns), kind, robot or Robot.physical(), known)
     return read_log(path)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import ParameterError
+from . import _biflag
 
 if TYPE_CHECKING:
     import pandas
@@ -78,16 +77,13 @@ class Table(Mapping[str, NDArray[Any]]):
         Raises:
             ParameterError: The suffix is another one.
         """
-        suffix = os.path.splitext(os.fspath(path))[1]
-        if suffix == ".parquet":
+        if _biflag.ending(path, ["csv", "parquet"]) == 1:
             self.to_pandas().to_parquet(path)
-        elif suffix == ".csv":
+        else:
             with open(path, "w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file, lineterminator="\n")
                 writer.writerow(self)
                 writer.writerows(zip(*(column.tolist() for column in self._columns.values()), strict=True))
-        else:
-            raise ParameterError(f"{os.fspath(path)}: a table is saved as .csv or .parquet", "path")
 
     def plot(self, x: str | None = None, y: str = "yaw_deg", *, by: str | None = None, ax: Axes | None = None) -> Axes:
         """Draws the column ``y`` over ``x``, by default the time or the speed of motor 1, with matplotlib.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -14,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _biflag
 from ._biflag import Robot
-from ._errors import ParameterError
 from ._quantities import Quantities
 from ._table import Progress, Table, new_axes, shown
 
@@ -149,7 +147,8 @@ class Trial:
 
         Its name ends with .mcap; ``to_table().save(path)`` writes a table.
         """
-        self._simulated.save(log_path(path))
+        _biflag.ending(path, ["mcap"])
+        self._simulated.save(path)
 
     def plot(self, ax: NDArray[Any] | None = None) -> NDArray[Any]:
         """Draws yaw, pitch and roll over time with matplotlib, into three axes such as those of another trial; returns them."""
@@ -168,14 +167,6 @@ class Trial:
 
     def _repr_html_(self) -> str:
         return framed(self._simulated.html())
-
-
-def log_path(path: str | PathLike[str]) -> str | PathLike[str]:
-    """Returns the path of a new log."""
-    if os.path.splitext(path)[1] != ".mcap":
-        reason, help = "a log ends with .mcap", "for a table: `to_table().save(path)`, or `biflag export` of the log"
-        raise ParameterError(f"{os.fspath(path)}: {reason}", "path", reason, help)
-    return path
 
 
 def framed(page: str) -> str:
@@ -253,7 +244,7 @@ def simulate_batch(
         closure: How the flagella act on the base: "full", "lumped" or "paper".
         method: "trial" simulates the whole duration. "steady" solves for the motion that each trial ends in, in a fraction
             of the time; the column ``kind`` says what was found: "steady", a motion that repeats; or "beating" if the means
-            over successive windows agree, and "not_found" if they do not.
+            over successive windows agree, and "not_found" if they do not. With both it is "overturned" if the base turned over.
         rate_hz: Samples a second in which the state of the flagella, ``bundling``, is looked at.
         phase_deg: Angles of the motors at the start, degrees.
         threads: Number of threads; all cores if left out.

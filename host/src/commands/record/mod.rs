@@ -13,7 +13,6 @@ use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
 use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
-use crate::run::model::note_on_unknown_angles;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, park, preflight};
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
@@ -182,12 +181,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(begin) = begin(&todo, origin) {
         progress.line(&begin);
     }
-    // A plan with phases turns the flagella to known angles.
-    let on_angles = if board.angle_deg.is_none() { note_on_unknown_angles(&todo) } else { None };
-    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor).chain(on_angles) {
+    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
         progress.line(&format!("note: {note}"));
     }
-    Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
+    let preview = Preview::of(&plan, board.angle_deg.is_some());
+    preview.findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
     recorded.say_left_out(&progress);
     viewers.session(&recorded.trials, todo.first());
     viewers.open().iter().for_each(|line| progress.line(line));

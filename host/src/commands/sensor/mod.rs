@@ -5,6 +5,7 @@ mod poses;
 mod still;
 mod turn;
 
+use super::options::written_as;
 use super::virtual_board::SensorArgs;
 use super::{Answer, Outcome};
 use bench::{Bench, Kept};
@@ -44,7 +45,7 @@ struct Common {
     #[command(flatten)]
     sensor: SensorArgs,
     /// The sensor's file. What is in it already stays, unless it is measured again.
-    #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME)]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME, value_parser = written_as(&["toml"]))]
     output: PathBuf,
 }
 

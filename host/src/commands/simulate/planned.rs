@@ -123,7 +123,7 @@ fn open(folder: &Path, plan: &Plan, mine: &[&Trial], args: &Args) -> miette::Res
     if !args.resume {
         for trial in mine {
             if !session.state(trial)?.attempts.is_empty() {
-                return Err(SessionError::Exists { folder: folder.to_owned() }.into());
+                return Err(SessionError::Exists { folder: folder.to_owned(), what: "a session" }.into());
             }
         }
     }

@@ -23,6 +23,7 @@ pub struct Swept {
     pub missing: u64,
     pub failed: u64,
     pub warnings: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -93,6 +94,7 @@ impl Swept {
             text += &format!("; table {table}");
         }
         self.warnings.iter().for_each(|warning| text += &format!("\nwarning: {warning}"));
+        self.notes.iter().for_each(|note| text += &format!("\nnote: {note}"));
         text
     }
 }

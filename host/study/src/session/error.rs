@@ -2,10 +2,14 @@
 
 use crate::plan::PlanError;
 use biflag_log::LogError;
+use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+const MADE_BY: &str =
+    "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml";
 
 /// Why a folder cannot be used as a session.
 #[derive(Error, Diagnostic, Debug)]
@@ -48,12 +52,14 @@ pub enum SessionError {
         /// How the plans differ.
         difference: &'static str,
     },
-    /// The folder already contains a session.
-    #[error("{}: already contains a session", folder.display())]
-    #[diagnostic(code(wrong_use), help("continue it with --resume, or name another folder with --out"))]
+    /// The folder already contains a session, or a sweep.
+    #[error("{}: already contains {what}", folder.display())]
+    #[diagnostic(code(wrong_use), help("name another folder with --out, or continue a session with --resume"))]
     Exists {
         /// The folder.
         folder: PathBuf,
+        /// What it contains.
+        what: &'static str,
     },
     /// The folder contains logs but no session.
     #[error("{}: already contains logs, such as {log}, but no session", folder.display())]
@@ -108,12 +114,7 @@ pub enum SessionError {
     },
     /// The folder is not a session folder.
     #[error("{}: is not a session folder: it has no session.toml", folder.display())]
-    #[diagnostic(
-        code(wrong_use),
-        help(
-            "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml"
-        )
-    )]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, MADE_BY)))]
     NotASession {
         /// The folder.
         folder: PathBuf,

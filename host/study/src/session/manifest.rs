@@ -66,7 +66,7 @@ impl Manifest {
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
         atomic_file::create(&path, &text).map_err(|source| match source.kind() {
-            ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
+            ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned(), what: "a session" },
             _ => SessionError::Io { path, source },
         })
     }
@@ -75,8 +75,7 @@ impl Manifest {
         let path = folder.join(MANIFEST);
         let wrong = |reason| SessionError::Manifest { path: path.clone(), reason };
         let text = std::fs::read_to_string(&path).map_err(|source| match source.kind() {
-            ErrorKind::NotFound if folder.is_dir() => SessionError::NotASession { folder: folder.to_owned() },
-            ErrorKind::NotADirectory => SessionError::NotASession { folder: folder.to_owned() },
+            ErrorKind::NotFound | ErrorKind::NotADirectory => SessionError::NotASession { folder: folder.to_owned() },
             ErrorKind::InvalidData => wrong("is not text in UTF-8".to_owned()),
             _ => SessionError::Io { path: path.clone(), source },
         })?;

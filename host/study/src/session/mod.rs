@@ -151,6 +151,9 @@ impl Session {
     /// # Errors
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
+        if crate::sweep::manifest::path(folder).exists() {
+            return Err(SessionError::Exists { folder: folder.to_owned(), what: "a sweep" });
+        }
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
         // A log without its trial's record is assigned by its name, so a log of another session could be mistaken for
         // one of this.

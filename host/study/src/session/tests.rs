@@ -286,7 +286,7 @@ fn folder_contains_the_session_of_one_plan() {
 fn invalid_session_folders_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(Session::open(folder.path()), Err(SessionError::NotASession { .. })));
-    assert!(matches!(Session::open(&folder.path().join("none")), Err(SessionError::Io { .. })));
+    assert!(matches!(Session::open(&folder.path().join("none")), Err(SessionError::NotASession { .. })));
     std::fs::write(folder.path().join(MANIFEST), "format = 1").unwrap();
     assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));
     let file = folder.path().join("file");

@@ -28,8 +28,8 @@ pub enum SweepError {
         /// The folder.
         folder: PathBuf,
     },
-    /// The folder has the sweep of another plan.
-    #[error("{}: is a sweep of another {difference}", folder.display())]
+    /// The folder has the sweep of another plan, or a session.
+    #[error("{}: is {what}", folder.display())]
     #[diagnostic(
         code(wrong_use),
         help("name another folder with --out; --reuse DIR takes over the points that both sweeps have")
@@ -37,8 +37,8 @@ pub enum SweepError {
     Other {
         /// The folder.
         folder: PathBuf,
-        /// What differs.
-        difference: &'static str,
+        /// What it is.
+        what: &'static str,
     },
     /// The folder has no sweep.
     #[error("{}: is not the folder of a sweep", folder.display())]

@@ -4,6 +4,7 @@
 //! one of them names the file, and each reads it back.
 
 use super::SweepError;
+use crate::session;
 use biflag_log::atomic_file;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
@@ -34,6 +35,9 @@ impl Manifest {
     /// # Errors
     /// [`SweepError::Other`] if the folder has a different manifest.
     pub fn put_into(&self, folder: &Path) -> Result<(), SweepError> {
+        if folder.join(session::MANIFEST).exists() {
+            return Err(SweepError::Other { folder: folder.to_owned(), what: "a session folder" });
+        }
         std::fs::create_dir_all(folder).map_err(SweepError::at(folder))?;
         let file = path(folder);
         if !file.exists() {
@@ -46,13 +50,13 @@ impl Manifest {
             }
         }
         let found = Self::read(folder)?;
-        let differs = |difference| Err(SweepError::Other { folder: folder.to_owned(), difference });
+        let differs = |what| Err(SweepError::Other { folder: folder.to_owned(), what });
         if found.plan != self.plan {
-            differs("plan")
+            differs("a sweep of another plan")
         } else if (&found.robot_name, &found.robot) != (&self.robot_name, &self.robot) {
-            differs("robot")
+            differs("a sweep of another robot")
         } else if found.results != self.results {
-            differs("version of the model's results")
+            differs("a sweep of another version of the model's results")
         } else {
             Ok(())
         }

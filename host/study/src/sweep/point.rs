@@ -172,6 +172,17 @@ impl Sweep {
         Point { index, name: self.name(index), speeds_rpm, values, multiples, robot }
     }
 
+    /// Returns a note for the user if points hold for one starting phase where others may give other values.
+    pub fn note_on_phases(&self) -> Option<String> {
+        let all = if self.plan.speeds_rpm.is_empty() { self.plan.points() } else { self.plan.speeds_rpm.len() as u64 };
+        let some = (0..all).filter(|index| Ratio::of(self.inputs(*index).0).is_some()).count();
+        let cure = "`phases = 8` in [trial] gives means and spreads";
+        let text = format!(
+            "the points at {some} of {all} pairs of speeds hold for the one starting phase that was tried; {cure}"
+        );
+        (self.plan.phases == 1 && some > 0).then_some(text)
+    }
+
     /// Returns the speeds of a point (rpm), and its value for each axis, if it sets one.
     fn inputs(&self, index: u64) -> ([f64; 2], Vec<Option<f64>>) {
         let plan = &self.plan;

@@ -8,6 +8,7 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
+use sim::steady::phase::Ratio;
 use sim::trial::quantity::{FLAGELLA, Place, columns as quantities};
 use std::borrow::Cow;
 
@@ -104,23 +105,27 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
         columns.push(real(name, unit, about, &|row| row.robot[at]));
     }
-    let mut steady = |name: String, unit, about: Cow<'static, str>, value: &dyn Fn(&Steady) -> f64| {
-        let values = exact(&|row| row.outcome.steady().map_or(f64::NAN, value));
-        columns.push(Column { name: name.into(), unit, about, values });
+    let mut steady = |name: String, unit, about: String, value: &dyn Fn(&Row, &Steady) -> f64| {
+        let values = exact(&|row| row.outcome.steady().map_or(f64::NAN, |steady| value(row, steady)));
+        columns.push(Column { name: name.into(), unit, about: about.into(), values });
     };
     let quantities: Vec<_> = quantities(FLAGELLA).filter(|column| column.is_in(Place::Sweep)).collect();
     for column in &quantities {
-        steady(column.name.clone(), column.quantity.unit.into(), column.about().into(), &|s| s.values[column.index()]);
+        let unit = column.quantity.unit.into();
+        steady(column.name.clone(), unit, column.about(), &|_, s| s.values[column.index()]);
     }
+    // One starting phase has no spread where others may give other values.
+    let least = |row: &Row| 1 + u32::from(Ratio::of(row.speeds_rpm).is_some());
     for column in quantities.iter().filter(|column| column.is_angle()) {
-        let (name, about) = (column.spread(), "largest less smallest value of the starting phases; 0 for one phase");
-        steady(name, "deg".into(), about.into(), &|s| s.spreads[column.index()]);
+        let about = "largest less smallest value of the starting phases; empty if no other was tried".to_owned();
+        steady(column.spread(), "deg".into(), about, &|row, s| {
+            if s.phases >= least(row) { s.spreads[column.index()] } else { f64::NAN }
+        });
     }
     for column in &quantities {
         let Some(name) = column.error() else { continue };
-        let (unit, about) =
-            (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
-        steady(name, unit, about.into(), &|s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
+        let (unit, about) = (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
+        steady(name, unit, about, &|_, s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
     }
     let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
     columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));

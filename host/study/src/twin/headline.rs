@@ -23,7 +23,7 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
         return format!("{both} differ no more than by chance.");
     }
     let known = || trials.iter().flat_map(Comparison::angles).filter_map(|angle| angle.uncertainty);
-    let within = if known().all(|uncertainty| uncertainty.total_deg == 0.0) { "0.01°" } else { "noise" };
+    let within = if known().all(|uncertainty| uncertainty.total_deg == 0.0) { "0.01°" } else { "their ±" };
     match known().count() {
         0 => "No uncertainty is known, so nothing is judged.".to_owned(),
         count => {
@@ -106,7 +106,7 @@ mod tests {
             ([-20.0, 10.0], MeasurementAndModel, "The model turns by 10°, the measurement by -20° at (50, 10) rpm."),
             ([-0.05, 0.8], Models, "The second model turns 0.85° further than the first model at (50, 10) rpm."),
             ([9.0, 8.0], ModelAndMeasurement, "The measurement turns 1.0° less than the model at (50, 10) rpm."),
-            ([9.0, 9.1], Recordings, "The two recordings agree within noise."),
+            ([9.0, 9.1], Recordings, "The two recordings agree within their ±."),
         ] {
             assert_eq!(trial(yaw, sides).headline(), said);
         }
@@ -122,7 +122,7 @@ mod tests {
     fn agreement_is_said_only_as_far_as_it_is_known() {
         let mut one = trial([9.0, 9.1], Sides::MeasurementAndModel);
         let known = one.yaw.uncertainty.take();
-        assert_eq!(one.headline(), "Model and measurement agree within noise, where it is known.");
+        assert_eq!(one.headline(), "Model and measurement agree within their ±, where it is known.");
         (one.pitch.uncertainty, one.roll.uncertainty) = (None, None);
         assert_eq!(one.headline(), "No uncertainty is known, so nothing is judged.");
         one.yaw.uncertainty = known;

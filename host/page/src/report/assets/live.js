@@ -156,9 +156,18 @@ biflag.LiveTrial = class {
       one(".stop").disabled = false;
     }
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  const repaint = () => {
     trial.scene.paint();
     trial.charts.forEach((chart) => chart.build());
-  });
+    trial.ribbon.build();
+    trial.show();
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+  for (const [event, isOnPaper] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(event, () => {
+      document.documentElement.classList.toggle("paper", isOnPaper);
+      repaint();
+    });
+  }
   ask();
 }

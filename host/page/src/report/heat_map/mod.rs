@@ -76,7 +76,7 @@ impl Map<'_> {
         let values = || self.points.iter().map(|point| point.value_deg).filter(|value| value.is_finite());
         let least = values().fold(f64::INFINITY, f64::min);
         let span = format!("{} from {} to {}.", self.symbol, degrees(least, 2), degrees(largest(self.points), 2));
-        let shown = self.points.len();
+        let shown = values().count();
         let unsettled = self.points.iter().filter(|point| !point.is_settled).count();
         let marked = if unsettled > 0 { format!(" {unsettled} with a ring: not settled.") } else { String::new() };
         let points = match Axis::of_both(self.points) {
@@ -178,9 +178,6 @@ impl Plot {
 /// A point as a cell or a dot, which links to its trial.
 fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
     let [w1, w2] = point.speeds_rpm;
-    if !point.value_deg.is_finite() {
-        return html! {};
-    }
     let doubt = if point.is_settled { "" } else { ", not settled" };
     let text = format!("w1 {}, w2 {} rpm: {}{doubt}", plain(w1), plain(w2), degrees(point.value_deg, 2));
     let at = format!("{w1},{w2},{:.6}", point.value_deg);
@@ -195,7 +192,7 @@ fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
         }
     };
     let marked = html! {
-        (shape)
+        @if point.value_deg.is_finite() { (shape) }
         @if !point.is_settled { circle.odd cx=(short(x)) cy=(short(y)) r="2.2" {} }
     };
     match &point.anchor {

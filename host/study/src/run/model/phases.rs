@@ -97,12 +97,13 @@ pub fn has_phases(trials: &[Trial]) -> bool {
 /// them.
 pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
     let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
-    let cure = "`biflag align` makes them known, then `phases = 8` in [trial] measures means and spreads";
+    let cure =
+        "which the board knows only after `biflag align`; then `phases = 8` in [trial] measures means and spreads";
     Some(match trials.len() {
-        1 => format!("{why}, so the trial depends on their starting angles, which the board does not know; {cure}"),
+        1 => format!("{why}, so the trial depends on their starting angles, {cure}"),
         all => format!(
             "{some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, depend on the starting angles of the \
-             flagella, which the board does not know; {cure}"
+             flagella, {cure}"
         ),
     })
 }
