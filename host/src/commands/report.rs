@@ -1,7 +1,7 @@
 //! `biflag report`: writes an HTML page about a trial or a session.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::cores;
+use super::options::{cores, written_as};
 use super::{Answer, Outcome};
 use crate::report::{self, Kind, View};
 use crate::text;
@@ -25,7 +25,7 @@ pub struct Args {
     against: Option<PathBuf>,
     /// The page to write; by default LOG.html or SESSION/report.html, with --against LOG.compare.html or
     /// SESSION/compare.html.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = written_as(&["html"]))]
     out: Option<PathBuf>,
 }
 
