@@ -40,7 +40,7 @@ fn plan_check_says_what_may_be_wrong() {
     let found = check(long);
     assert_eq!(found["trials"][0]["name"], "001_w1+47.3_w2-12.9");
     let [sensor, angles] = texts(&found["findings"])[..] else { panic!("{found}") };
-    assert!(sensor.contains("no sensor file") && angles.starts_with("1 of 2 trials, such as those at 0 and 33.3 rpm"));
+    assert!(sensor.contains("no sensor file") && angles.starts_with("2 of 2 trials, such as those at 47.3"));
     assert_eq!(texts(&check(&long.replace("120", "120\nphases = 2"))["findings"]).len(), 1, "they are turned to");
     let found = check(&long.replace("120", "11.5\ndecay = 2"));
     let [_, run, rest, _] = texts(&found["findings"])[..] else { panic!("{found}") };
