@@ -52,15 +52,13 @@ mod _biflag {
     #[pymodule_export]
     use crate::twin::{calibrate, compare};
 
-    use crate::failure::Failure;
     use protocol::units::CentiRpm;
     use pyo3::prelude::*;
-    use std::path::PathBuf;
     use study::program::{GIT_HASH, VERSION};
 
     /// Returns which of these endings the name of a file has.
     #[pyfunction]
-    fn ending(path: PathBuf, endings: Vec<String>) -> Result<usize, Failure> {
+    fn ending(path: std::path::PathBuf, endings: Vec<String>) -> Result<usize, crate::failure::Failure> {
         Ok(study::output::ending(&path, &endings)?)
     }
 

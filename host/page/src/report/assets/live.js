@@ -163,11 +163,8 @@ biflag.LiveTrial = class {
     trial.show();
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-  for (const [event, isOnPaper] of [["beforeprint", true], ["afterprint", false]]) {
-    addEventListener(event, () => {
-      document.documentElement.classList.toggle("paper", isOnPaper);
-      repaint();
-    });
-  }
+  const paper = (on) => repaint(document.documentElement.classList.toggle("paper", on));
+  addEventListener("beforeprint", () => paper(true));
+  addEventListener("afterprint", () => paper(false));
   ask();
 }
