@@ -124,7 +124,8 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     }
     for column in &quantities {
         let Some(name) = column.error() else { continue };
-        let (unit, about) = (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
+        let (unit, about) =
+            (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
         steady(name, unit, about, &|_, s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
     }
     let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
