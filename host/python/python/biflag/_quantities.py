@@ -34,9 +34,9 @@ class Quantities:
     window_s: float
     """Length of the end of the run from which the means are taken, s."""
     force1_n: Floats
-    """Mean force of flagellum 1 on the base, body axes, contact included, N."""
+    """Force of flagellum 1 on the base, body axes, contact included, N."""
     force2_n: Floats
-    """Mean force of flagellum 2 on the base, body axes, contact included, N."""
+    """Force of flagellum 2 on the base, body axes, contact included, N."""
     force1_se_n: Floats | None = None
     """Its standard error; ``None`` where it is unknown."""
     force2_se_n: Floats | None = None
@@ -44,13 +44,13 @@ class Quantities:
     thrust_n: float
     """Thrust of all flagella: their force on the base along z_B, N."""
     axial_torque_nm: Floats
-    """Mean reaction torque of each flagellum on the base about its shaft, N m."""
+    """Reaction torque of each flagellum on the base about its shaft, N m."""
     axial_torque_se_nm: Floats | None = None
     """Its standard error; ``None`` where it is unknown."""
     contact_share: float
     """Share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial."""
     min_gap_m: float
-    """Least gap between the flagella's surfaces over all phases, negative if they overlap, m."""
+    """Least gap between the flagella's surfaces, negative if they overlap, m."""
     power_w: float
     """Power at the shafts into the liquid, from the mean torques and the speeds at the end of the run, W."""
     max_penetration_m: float
