@@ -7,7 +7,6 @@
 pub mod commands;
 mod image;
 pub mod pack;
-pub mod signals;
 
 pub use page::{figure, film, report};
 pub use rig::{link, live};
@@ -15,6 +14,7 @@ pub use study::{
     aim, attitude, colour, export, import, lock, output, plan, preview, program, progress, sensor, session, sweep,
     text, trial, twin,
 };
+pub use system::signals;
 
 /// Runs trials on the rig or in the model, which write the same kind of log.
 pub mod run {

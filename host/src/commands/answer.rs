@@ -5,7 +5,7 @@
 
 use crate::colour;
 use crate::signals::{INTERRUPTED, is_interrupted};
-use crate::text::{decimal_point, json_without, printable, quoted};
+use crate::text::{decimal_point, json_without, printable};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
+use system::shell::quoted;
 
 /// Longest wait of an interrupted command for its last output.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -106,7 +107,7 @@ pub(super) fn with_hint(mut error: clap::Error) -> clap::Error {
         _ if error.kind() == ErrorKind::MissingRequiredArgument && text(ContextKind::InvalidArg).contains("--out") => {
             "name the file to write, with -o; nothing was done without it".to_owned()
         }
-        _ if command.ends_with(".toml") => format!("`biflag plan check {}` checks a plan", quoted(&command)),
+        _ if command.ends_with(".toml") => format!("`biflag plan check {}` checks a plan", system::shell::quoted(&command)),
         _ => return error,
     };
     error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));

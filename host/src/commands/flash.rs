@@ -2,7 +2,7 @@
 
 use super::{Answer, Outcome, virtual_board};
 use crate::image;
-use crate::link::{self, Claim, Link};
+use crate::link::{self, Link};
 use crate::run::rig::{self, Image, VirtualNano, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use miette::miette;
@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     // A wrong or busy port fails here, not after a build of minutes.
     link::probe_port(&port)?;
-    let claim = Claim::take(&port)?;
+    let claim = link::claim_port(&port)?;
     let image = match &args.firmware {
         Some(elf) => Image::read(elf)?,
         None => image::of_program()?,

@@ -5,11 +5,12 @@ use super::options::{pair, span, speeds, within, written_as};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
-use crate::text::{count, decimal, printable, quoted};
+use crate::text::{count, decimal, printable};
 use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
 use protocol::units::CentiRpm;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use system::shell::quoted;
 
 /// Make a log of a trial that other instruments measured: a camera, another laboratory's rig, a published table.
 ///

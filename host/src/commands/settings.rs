@@ -101,7 +101,7 @@ fn restored(copies: Option<&BoardCopies>, id: u16) -> miette::Result<BoardSettin
     match copies {
         Some(copies) => Ok(copies.load(id)?),
         None => Err(miette::miette!(
-            help = "set HOME or XDG_CONFIG_HOME",
+            help = system::folders::CURE,
             "this computer has no folder for the copies of the boards' settings"
         )),
     }

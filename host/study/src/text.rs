@@ -56,26 +56,9 @@ pub fn decimal_point(value: &str) -> Option<String> {
     (are_digits(whole.trim_start_matches(['+', '-'])) && are_digits(rest)).then(|| format!("{whole}.{rest}"))
 }
 
-/// Quotes text for a shell, unless it is a plain word.
-pub fn quoted(text: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
-    if !text.is_empty() && text.chars().all(is_plain) {
-        return text.to_owned();
-    }
-    format!("'{}'", text.replace('\'', r"'\''"))
-}
-
 /// Formats bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Returns the command that started this program, for a shell.
-pub fn command_line() -> String {
-    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
-    let program = words.next().unwrap_or_default();
-    let program = program.rsplit_once('/').map_or(program.as_str(), |(_, name)| name).to_owned();
-    std::iter::once(program).chain(words).map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
 /// Describes the board's clock relative to the computer's. An emulated board may run several times as fast as real
@@ -163,16 +146,6 @@ mod tests {
     fn durations_have_two_units_at_most() {
         let texts = [0.4, 45.0, 60.0, 520.0, 3599.6, 32_610.0].map(duration);
         assert_eq!(texts, ["0 s", "45 s", "1 min", "8 min 40 s", "1 h 0 min", "9 h 3 min"]);
-    }
-
-    /// A shell gets the same text back, whatever it contains.
-    #[test]
-    fn text_is_quoted_for_a_shell() {
-        for text in ["plain", "two words", "it's $HOME `date` \"x\" \\ *", "line\nend"] {
-            let output =
-                std::process::Command::new("sh").args(["-c", &format!("printf %s {}", quoted(text))]).output().unwrap();
-            assert_eq!(String::from_utf8_lossy(&output.stdout), text);
-        }
     }
 
     #[test]

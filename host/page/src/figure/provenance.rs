@@ -8,8 +8,9 @@ use maud::html;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 use study::program::FULL_VERSION;
-use study::text::{command_line, hex, printable};
+use study::text::{hex, printable};
 use study::trial::Data;
+use system::shell::command_line;
 
 /// Logs that are listed at most; a map may have ten thousand.
 const MAX_LOGS: usize = 500;

@@ -1,9 +1,9 @@
 //! The program's interface to the link: opens it, sends requests, receives events.
 
+use super::LinkError;
 use super::lock_step::{Advance, LockStep};
 use super::port;
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
-use super::{Claim, LinkError};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
 use std::cell::RefCell;
@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use study::lock::lock;
+use system::claim::Claim;
 
 /// An open link to a board that speaks this protocol. Closing it stops the motors.
 pub struct Link {
@@ -68,13 +69,13 @@ impl Link {
     /// # Errors
     /// As [`Link::open`], and [`LinkError::Interrupted`].
     pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
-        let claim = Claim::take(path)?;
+        let claim = port::claim(path)?;
         let port = port::open(path)?;
         let (requests, pending) = channel();
         let (sender, events) = channel();
         let opened = SystemTime::now();
         let alive = Arc::new(Mutex::new(Instant::now()));
-        let worker = Worker::new(port, pending, sender, alive.clone(), port::is_emulated(path));
+        let worker = Worker::new(port, pending, sender, alive.clone(), system::port::is_emulated(path));
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())

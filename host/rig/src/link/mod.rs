@@ -16,7 +16,6 @@
 //! An emulated board that is faster than real time stops its time while this program is busy. The thread sends it a
 //! delimiter every 50 ms to signal that the program is waiting for the board, and not the reverse.
 
-mod claim;
 mod client;
 mod clock;
 mod error;
@@ -25,12 +24,10 @@ mod monitor;
 mod port;
 mod worker;
 
-pub use claim::Claim;
 pub use client::{Asked, Link};
 pub use clock::{BoardClock, PingClock};
 pub use error::LinkError;
 pub use lock_step::{Advance, SLICE_US};
 pub use monitor::{Arrival, Gap, Monitor};
-pub(crate) use port::is_emulated as is_emulated_port;
-pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
+pub use port::{choose as choose_port, claim as claim_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Received};

@@ -1,22 +1,20 @@
 //! Finds and opens the serial port.
 
 use super::LinkError;
-use rustix::fs::{FlockOperation, Mode, OFlags};
 use serialport::{ClearBuffer, SerialPort, SerialPortType};
-use std::fs;
-use std::io::{self, IsTerminal};
-use std::os::fd::OwnedFd;
-use std::os::unix::fs::MetadataExt;
+use std::io;
 use std::path::Path;
 use std::time::Duration;
+use system::claim::Claim;
+use system::port;
 
 /// Longest wait for a byte, and so the longest delay of a request.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
 /// Returns the possible ports of a robot: serial converters on USB.
 pub fn robots() -> Vec<String> {
-    // `serialport` panics without this folder, which is missing in some containers.
-    if !Path::new("/sys/class/tty").is_dir() {
+    // `serialport` panics without the list.
+    if !port::are_listed() {
         return Vec::new();
     }
     let usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
@@ -53,23 +51,19 @@ fn the_only(mut available: Vec<String>) -> Result<String, LinkError> {
 /// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`] or
 /// [`LinkError::Port`].
 pub fn probe(path: &str) -> Result<(), LinkError> {
-    if lock(path)?.is_terminal() {
+    if port::is_serial(path).map_err(|error| classify(path, error))? {
         Ok(())
     } else {
         Err(LinkError::NotSerial { path: path.to_owned(), available: robots() })
     }
 }
 
-/// Opens and locks the port. The kernel's own exclusive mode does not apply to the superuser, so programs also lock the
-/// port.
-fn lock(path: &str) -> Result<OwnedFd, LinkError> {
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
-    match rustix::fs::flock(&port, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(port),
-        Err(rustix::io::Errno::WOULDBLOCK) => Err(busy(path)),
-        Err(error) => Err(classify(path, error.into())),
-    }
+/// Claims the port.
+///
+/// # Errors
+/// [`LinkError::Busy`] if another biflag has it, [`LinkError::NotFound`], [`LinkError::Port`].
+pub fn claim(path: &str) -> Result<Claim, LinkError> {
+    Claim::take(path).map_err(|error| classify(path, error))
 }
 
 /// Opens the port at the protocol's speed and locks it.
@@ -85,17 +79,12 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
     Ok(port)
 }
 
-/// Returns whether the board is emulated by a program: a pseudo-terminal has no cable.
-pub(crate) fn is_emulated(path: &str) -> bool {
-    fs::canonicalize(path).unwrap_or_else(|_| path.into()).starts_with("/dev/pts")
-}
-
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
     match source.kind() {
         // Another program was faster; `serialport` reports this as a missing port.
         io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
         io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
-        io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
+        io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: port::group(path) },
         io::ErrorKind::IsADirectory => LinkError::NotSerial { path: path.to_owned(), available: robots() },
         io::ErrorKind::ResourceBusy => busy(path),
         _ => LinkError::Port { path: path.to_owned(), source },
@@ -103,37 +92,7 @@ pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
 }
 
 pub(super) fn busy(path: &str) -> LinkError {
-    LinkError::Busy { path: path.to_owned(), holder: holder_of(path) }
-}
-
-/// Returns the group that owns the port: `dialout` on Debian.
-fn group_of(path: &str) -> String {
-    let gid = fs::metadata(path).map(|meta| meta.gid()).ok();
-    let groups = fs::read_to_string("/etc/group").unwrap_or_default();
-    let name = groups.lines().find_map(|line| {
-        let mut fields = line.split(':');
-        let name = fields.next()?;
-        let id = fields.nth(1)?.parse().ok();
-        (id.is_some() && id == gid).then(|| name.to_owned())
-    });
-    name.unwrap_or_else(|| "dialout".to_owned())
-}
-
-/// Returns the process that has the port open, as `name, process 123`, if the system shows it.
-fn holder_of(path: &str) -> Option<String> {
-    let port = fs::canonicalize(path).ok()?;
-    let own = std::process::id().to_string();
-    fs::read_dir("/proc").ok()?.flatten().find_map(|process| {
-        let id = process.file_name().into_string().ok()?;
-        if id == own || !id.bytes().all(|byte| byte.is_ascii_digit()) {
-            return None;
-        }
-        let mut files = fs::read_dir(process.path().join("fd")).ok()?.flatten();
-        files.any(|file| fs::read_link(file.path()).is_ok_and(|target| target == port)).then(|| {
-            let name = fs::read_to_string(Path::new("/proc").join(&id).join("comm")).unwrap_or_default();
-            format!("{}, process {id}", name.trim())
-        })
-    })
+    LinkError::Busy { path: path.to_owned(), holder: port::holder(path) }
 }
 
 #[cfg(test)]
@@ -170,9 +129,9 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let path = file.path().to_str().unwrap();
         let first = std::fs::File::open(path).unwrap();
-        lock(path).unwrap();
+        assert!(matches!(probe(path), Err(LinkError::NotSerial { .. })));
         first.lock().unwrap();
-        let Err(LinkError::Busy { holder, .. }) = lock(path) else { panic!("the port is in use") };
+        let Err(LinkError::Busy { holder, .. }) = probe(path) else { panic!("the port is in use") };
         assert_eq!(holder, None, "this process does not count");
     }
 
@@ -180,7 +139,5 @@ mod tests {
     fn a_forbidden_port_names_the_group_to_join() {
         let error = LinkError::NotPermitted { path: "/dev/ttyUSB0".into(), group: "dialout".into() };
         assert!(error.help().unwrap().to_string().contains("usermod -aG dialout"));
-        let file = tempfile::NamedTempFile::new().unwrap();
-        assert!(!group_of(file.path().to_str().unwrap()).is_empty());
     }
 }

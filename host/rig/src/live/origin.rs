@@ -3,16 +3,15 @@
 //!
 //! The server of Foxglove's library cannot refuse a handshake. Viewers therefore connect to this door, which reads the
 //! handshake and copies the bytes of admitted viewers. The server behind it listens on a random address of this
-//! computer ([`hidden_address`]), which pages cannot guess.
+//! computer ([`hidden_address`](system::network::hidden_address)), which pages cannot guess.
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use std::hash::{BuildHasher, RandomState};
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
+use system::network::wait_for_connection;
 
 /// Longest head of a handshake, bytes. Browsers include all cookies of this computer's other servers.
 const HEAD: usize = 64 * 1024;
@@ -24,7 +23,7 @@ const HANDSHAKE: Duration = Duration::from_secs(5);
 const DEAD_AFTER: Duration = Duration::from_secs(90);
 
 /// Interval of the checks whether the door was closed.
-const CHECK_EVERY: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
+const CHECK_EVERY: Duration = Duration::from_millis(20);
 
 const REFUSAL: &str = "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nContent-Length: 42\r\nConnection: close\r\n\r\n\
                        this web page may not read the experiment\n";
@@ -47,15 +46,15 @@ impl Door {
         let thread = Builder::new().name("viewers".into()).spawn(move || {
             while !until.load(Ordering::Relaxed) {
                 // Errors here, or of a connection that has already closed, do not affect later viewers.
-                let _ = poll(&mut [PollFd::new(&listener, PollFlags::IN)], Some(&CHECK_EVERY));
+                wait_for_connection(&listener, CHECK_EVERY);
                 match listener.accept() {
                     Ok((viewer, _)) => {
                         // A viewer without a thread is disconnected.
                         let _ = Builder::new().name("viewer".into()).spawn(move || admit(viewer, server));
                     }
                     Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                    // For example, too many open files: the connection stays in the queue, and `poll` does not wait.
-                    Err(_) => std::thread::sleep(Duration::from_millis(20)),
+                    // For example, too many open files: the connection stays in the queue, and the wait ends at once.
+                    Err(_) => std::thread::sleep(CHECK_EVERY),
                 }
             }
         })?;
@@ -70,17 +69,6 @@ impl Drop for Door {
             let _ = thread.join();
         }
     }
-}
-
-/// Returns a random address for the server behind the door. On Linux, all 16 million addresses of 127.0.0.0/8 belong to
-/// this computer. With the port, which the system selects, a page would have to try 10¹¹ combinations.
-pub fn hidden_address() -> Ipv4Addr {
-    if cfg!(not(target_os = "linux")) {
-        return Ipv4Addr::LOCALHOST;
-    }
-    // Seeded by the system's random numbers.
-    let [a, b, c, ..] = RandomState::new().hash_one("address").to_le_bytes().map(|byte| 1 + byte % 254);
-    Ipv4Addr::new(127, a, b, c)
 }
 
 /// Serves a viewer until one side ends.

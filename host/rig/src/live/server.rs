@@ -1,7 +1,7 @@
 //! The server for viewers.
 
 use super::LiveError;
-use super::origin::{Door, hidden_address};
+use super::origin::Door;
 use biflag_log::Tap;
 use biflag_log::schema::{self, ChannelSpec, LogMessage, biflag};
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener};
@@ -82,7 +82,7 @@ impl Live {
             .collect::<Result<_, _>>()
             .map_err(failed)?;
         let listener = Arc::new(Listener::default());
-        let hidden = hidden_address();
+        let hidden = system::network::hidden_address();
         let handle = WebSocketServer::new()
             .name("biflag")
             .context(&context)

@@ -22,11 +22,9 @@ impl BoardCopies {
         Self { folder: folder.to_owned() }
     }
 
-    /// Returns the copies of this user: in `XDG_CONFIG_HOME`, or in `~/.config`. `None` if the user has no home.
+    /// Returns the copies of this user; `None` if the user has no folder for settings.
     pub fn of_user() -> Option<Self> {
-        let configured = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
-        let config = configured.or_else(|| Some(std::env::home_dir()?.join(".config")))?;
-        Some(Self::in_folder(&config.join("biflag/boards")))
+        Some(Self::in_folder(&system::folders::config()?.join("biflag/boards")))
     }
 
     /// Returns the path of a board's copy.

@@ -3,7 +3,7 @@
 
 use super::RecordError;
 use super::fault_text;
-use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, is_emulated_port};
+use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock};
 use biflag_log::{Converter, EventKind, LinkStats, LogError, Writer};
 use miette::Diagnostic;
 use protocol::{Command, Fault, Reply, Settings, TICK_HZ, Telemetry};
@@ -89,7 +89,7 @@ pub fn follow<E: From<FollowError>>(
     let ended = link.command(Command::Stream { rate_hz: 0 });
     outcome?;
     ended.map_err(FollowError::from)?;
-    let is_emulated = is_emulated_port(link.path());
+    let is_emulated = system::port::is_emulated(link.path());
     let clock = stream.pings.fit(link.opened()).filter(|_| !is_emulated);
     Ok(Followed { link: stream.monitor.stats(), clock_error: clock.map(|clock| clock.drift_ppm * 1e-6) })
 }

@@ -9,7 +9,7 @@
 
 use super::board_copy::BoardCopies;
 use super::{RecordError, stream};
-use crate::link::{Link, is_emulated_port};
+use crate::link::Link;
 use biflag_log::ClockMeta;
 use miette::Diagnostic;
 use protocol::units::Millivolts;
@@ -185,8 +185,8 @@ pub fn settings(link: &Link, copies: Option<&BoardCopies>) -> Result<(), Preflig
 /// [`PreflightError::DiskFull`].
 pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), PreflightError> {
     // An unknown amount of free space is not a reason to stop.
-    let Ok(disk) = rustix::fs::statvfs(folder) else { return Ok(()) };
-    let free_bytes = (disk.f_bavail as f64 * disk.f_frsize as f64 - RESERVE_BYTES).max(0.0);
+    let Some(free_bytes) = system::disk::free_bytes(folder) else { return Ok(()) };
+    let free_bytes = (free_bytes - RESERVE_BYTES).max(0.0);
     let needed_bytes = seconds * if is_simulated { SIMULATED_BYTES_PER_S } else { RIG_BYTES_PER_S };
     if needed_bytes <= free_bytes {
         return Ok(());
@@ -252,7 +252,7 @@ pub fn at_rest(
     if let Some(tilt_deg) = rest.mounted_askew_deg {
         return Err(PreflightError::MountedAskew { tilt_deg });
     }
-    let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !is_emulated_port(port);
+    let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !system::port::is_emulated(port);
     match clock.filter(is_known).map(|clock| clock.drift_ppm) {
         Some(drift_ppm) if drift_ppm.abs() > DRIFT_LIMIT_PPM => Err(PreflightError::ClockDrift { drift_ppm }),
         _ => Ok(()),

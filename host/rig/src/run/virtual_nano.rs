@@ -7,12 +7,12 @@ use serde_json::Value;
 use sim::trial::sample::Sample;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Write};
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::process::{ChildStdin, Command, Stdio};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 use study::text::{hex, printable};
+use system::children::{Family, lines};
 use thiserror::Error;
 
 /// Name of the board's program.
@@ -79,7 +79,7 @@ pub struct HandMovement {
 /// A running emulated board. Dropping it ends its program.
 #[derive(Debug)]
 pub struct VirtualNano {
-    child: Child,
+    program: Family,
     control: Option<ChildStdin>,
     /// The lines that the program prints, read by a separate thread: a stopped program must not block this one.
     answers: Receiver<String>,
@@ -93,30 +93,26 @@ impl VirtualNano {
     /// # Errors
     /// [`VirtualError::NotStarted`] with the output of the program.
     pub fn start(program: &Path, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<Self, VirtualError> {
-        let mut child = Command::new(program)
-            .args(arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            // Ctrl-C on the terminal is for this program, which still needs the board to end the trial.
-            .process_group(0)
-            .spawn()
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // Ctrl-C on the terminal is for this program, which still needs the board to end the trial.
+        let mut program = Family::start(&mut command)
             .map_err(|error| VirtualError::NotStarted(format!("{}: {error}", program.display())))?;
-        let control = child.stdin.take();
-        let stdout = child.stdout.take().ok_or_else(|| VirtualError::NotStarted("it has no output".into()))?;
-        let mut nano =
-            Self { child, control, answers: lines(stdout), port: String::new(), sensor: SensorMeta::default() };
+        let control = program.child.stdin.take();
+        let stdout = program.child.stdout.take().ok_or_else(|| VirtualError::NotStarted("it has no output".into()))?;
+        let answers = lines(stdout, u64::MAX);
+        let mut nano = Self { program, control, answers, port: String::new(), sensor: SensorMeta::default() };
         let ready = nano.hear(START_TIMEOUT).unwrap_or_default();
         let Some(port) = ready["port"].as_str() else {
-            let _ = nano.child.kill();
-            let said = nano.child.stderr.take().map(std::io::read_to_string);
+            let _ = nano.program.child.kill();
+            let said = nano.program.child.stderr.take().map(std::io::read_to_string);
             let said = said.and_then(Result::ok).unwrap_or_default();
             return Err(VirtualError::NotStarted(said.trim().to_owned()));
         };
         nano.port = port.to_owned();
         nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
         // Later warnings of the program go to this program's standard error, so the pipe does not fill up.
-        if let Some(stderr) = nano.child.stderr.take() {
+        if let Some(stderr) = nano.program.child.stderr.take() {
             std::thread::spawn(move || {
                 BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
                     let _ = writeln!(std::io::stderr(), "{}", printable(&line));
@@ -215,7 +211,7 @@ impl VirtualNano {
         writeln!(control, "{command}").and_then(|()| control.flush()).map_err(|_| gone())?;
         let asked = Instant::now();
         let mut answer = self.hear(TIMEOUT);
-        while answer.is_none() && self.is_held_up() && asked.elapsed() < BUSY_TIMEOUT {
+        while answer.is_none() && self.program.is_held_up() && asked.elapsed() < BUSY_TIMEOUT {
             answer = self.hear(TIMEOUT);
         }
         let Some(answer) = answer else {
@@ -241,39 +237,17 @@ impl VirtualNano {
         found.ok_or(VirtualError::NotBuilt(beside))
     }
 
-    /// Returns whether the program only waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
-    fn is_held_up(&self) -> bool {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
-        // The name of the program before it may contain spaces and parentheses.
-        let state = stat.rsplit_once(')').and_then(|(_, rest)| rest.split_whitespace().next());
-        matches!(state, Some("R" | "D"))
-    }
-
     /// Waits for a response; returns `None` if none arrives in time or the program has ended.
     fn hear(&mut self, timeout: Duration) -> Option<Value> {
         serde_json::from_str(&self.answers.recv_timeout(timeout).ok()?).ok()
     }
 }
 
-/// Reads lines on a thread, which ends with the program.
-fn lines(output: ChildStdout) -> Receiver<String> {
-    let (sender, lines) = channel();
-    std::thread::spawn(move || {
-        BufReader::new(output).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
-    });
-    lines
-}
-
 impl Drop for VirtualNano {
     fn drop(&mut self) {
         // The program ends with its standard input.
         self.control = None;
-        let begun = Instant::now();
-        while matches!(self.child.try_wait(), Ok(None)) && begun.elapsed() < END_TIMEOUT {
-            std::thread::sleep(Duration::from_millis(5));
-        }
         // A stopped program does not end by itself.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.program.end(END_TIMEOUT);
     }
 }

@@ -1,6 +1,5 @@
 //! `biflag doctor`: checks the tools, ports and boards that a trial needs, the wiring of the motors, or a session.
 
-mod meddlers;
 mod motors;
 mod session;
 
@@ -79,8 +78,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     ];
     let mut checks: Vec<Check> = tools.into_iter().map(|(name, finding)| check(name.into(), finding)).collect();
     let on_problem = if checks.iter().all(|check| check.ok) { Outcome::WithLoss } else { Outcome::Failed };
-    checks
-        .extend(meddlers::check(Path::new("/proc")).into_iter().map(|finding| check("other programs".into(), finding)));
+    checks.extend(other_programs().into_iter().map(|finding| check("other programs".into(), finding)));
     let ports = args.port.clone().map_or_else(link::robot_ports, |port| vec![port]);
     if ports.is_empty() {
         let cure = "plug in the board's USB cable; charge-only cables do not work";
@@ -143,6 +141,13 @@ fn avrdude() -> Finding {
     let said = String::from_utf8_lossy(&output.stderr);
     let version = said.lines().find_map(|line| line.split_once("avrdude version ")?.1.split(',').next());
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
+}
+
+/// Returns a finding for each program that takes serial ports away, or writes to them.
+fn other_programs() -> Vec<Finding> {
+    let found = system::meddlers::running();
+    let none = found.is_empty().then(|| Ok("none that takes serial ports".into()));
+    found.into_iter().map(|(detail, cure)| Err((detail.into(), cure.into()))).chain(none).collect()
 }
 
 fn emulated_board() -> Finding {

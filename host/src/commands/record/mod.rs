@@ -29,6 +29,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
+use system::shell;
 use viewers::Viewers;
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
@@ -271,7 +272,7 @@ fn begin(todo: &[Trial], origin: Origin) -> Option<String> {
 
 /// Returns the command that continues this one.
 fn continuation() -> String {
-    let command = text::command_line();
+    let command = shell::command_line();
     if command.split(' ').any(|word| word == "--resume") { command } else { format!("{command} --resume") }
 }
 
@@ -307,7 +308,7 @@ impl Recorded {
 
     /// Returns the end of a command that had `todo` trials to record.
     fn end(&self, outcome: Outcome, todo: usize) -> String {
-        let session = text::quoted(&self.session.to_string_lossy());
+        let session = shell::quoted(&self.session.to_string_lossy());
         let table = if self.trials.len() > 1 { row::table(&self.trials) } else { String::new() };
         let then = match outcome {
             Outcome::Interrupted => "interrupted, the motors are stopped".to_owned(),

@@ -12,7 +12,6 @@ use miette::Diagnostic;
 use sim::body::attitude::of_euler_zyx;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use table::Summary;
 use thiserror::Error;
@@ -110,7 +109,7 @@ const FORCES: Want = Want { forces: true, shapes: 0, hash: true };
 /// # Errors
 /// [`ExportError`]; an existing file is kept unless `replace` is set, and an unfinished one is removed.
 pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
-    if is_same(log, output) {
+    if system::file::is_same(log, output) {
         return Err(ExportError::Itself { path: output.to_owned() });
     }
     let data = Attempt::of_log(log).read(FORCES)?;
@@ -225,10 +224,4 @@ fn tum(zeroed: &Zeroed, target: &mut impl Write) -> std::io::Result<usize> {
         writeln!(target, "{time_s:.6} 0 0 0 {:.9} {:.9} {:.9} {:.9}", q.i, q.j, q.k, q.w)?;
     }
     Ok(angles.len())
-}
-
-/// Returns whether two paths name the same file, also through links.
-fn is_same(one: &Path, other: &Path) -> bool {
-    let id = |path: &Path| std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()));
-    matches!((id(one), id(other)), (Ok(one), Ok(other)) if one == other)
 }

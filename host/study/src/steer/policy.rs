@@ -16,13 +16,13 @@
 use super::{Observation, SteerError};
 use crate::text::printable;
 use protocol::units::CentiRpm;
-use rustix::process::{Pid, Signal, kill_process_group};
 use serde::Deserialize;
-use std::io::{BufRead, BufReader, Read, Stdout, Write, stdin, stdout};
-use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::io::{Stdout, Write, stdin, stdout};
+use std::process::{ChildStdin, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use system::children::{Family, lines};
+use system::shell;
 
 /// Longest line that is read, bytes; a longer line is an error.
 const LONGEST_LINE: u64 = 4096;
@@ -71,7 +71,7 @@ struct Reply {
 #[derive(Debug)]
 pub struct Policy {
     /// `None` for the program that started this one.
-    child: Option<Child>,
+    program: Option<Family>,
     input: Option<Input>,
     /// Its lines, read by a separate thread: a program that hangs must not block this one.
     lines: Receiver<String>,
@@ -87,24 +87,19 @@ impl Policy {
     /// # Errors
     /// [`SteerError::NotStarted`].
     pub fn start(command: &str, patience: Patience) -> Result<Self, SteerError> {
-        let mut child = Command::new("sh")
-            .args(["-c", command])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            // Ctrl-C must only reach this program, which then stops the motors.
-            .process_group(0)
-            .spawn()
+        // Ctrl-C must only reach this program, which then stops the motors.
+        let mut program = Family::start(shell::command(command).stdin(Stdio::piped()).stdout(Stdio::piped()))
             .map_err(|source| SteerError::NotStarted { command: command.to_owned(), source })?;
-        let input = child.stdin.take().map(Input::Child);
-        let lines = child.stdout.take().map_or_else(|| channel().1, lines);
-        Ok(Self { child: Some(child), input, lines, patience, asked: None, has_answered: false })
+        let input = program.child.stdin.take().map(Input::Child);
+        let lines = program.child.stdout.take().map_or_else(|| channel().1, |output| lines(output, LONGEST_LINE));
+        Ok(Self { program: Some(program), input, lines, patience, asked: None, has_answered: false })
     }
 
     /// Returns the program that started this one as a policy: it gets the observations from the standard output of this
     /// program and writes the speeds to its standard input.
     pub fn own(patience: Patience) -> Self {
         let input = Some(Input::Own(stdout()));
-        Self { child: None, input, lines: lines(stdin()), patience, asked: None, has_answered: false }
+        Self { program: None, input, lines: lines(stdin(), LONGEST_LINE), patience, asked: None, has_answered: false }
     }
 
     /// Sends an observation.
@@ -151,56 +146,17 @@ impl Policy {
     /// Returns the error for a program that has ended, or has closed its output.
     fn ended(&mut self) -> SteerError {
         self.input = None;
-        SteerError::Ended { status: self.child.as_mut().and_then(|child| wait(child, END_TIMEOUT)) }
+        let status = self.program.as_mut().and_then(|program| program.wait(END_TIMEOUT));
+        SteerError::Ended { status: status.map(|status| status.to_string()) }
     }
 }
 
 impl Drop for Policy {
     fn drop(&mut self) {
         self.input = None;
-        let Some(child) = &mut self.child else { return };
-        if wait(child, END_TIMEOUT).is_none() {
-            // Kill its children, too: killing only the shell would leave them running.
-            let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
-            let _ = child.wait();
+        if let Some(program) = &mut self.program {
+            program.end(END_TIMEOUT);
         }
-    }
-}
-
-/// Waits for a program to exit; returns its status.
-fn wait(child: &mut Child, longest: Duration) -> Option<String> {
-    let begun = Instant::now();
-    loop {
-        if let Ok(Some(status)) = child.try_wait() {
-            return Some(status.to_string());
-        }
-        if begun.elapsed() >= longest {
-            return None;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-/// Reads lines on a thread, which ends with the output.
-fn lines(output: impl Read + Send + 'static) -> Receiver<String> {
-    let (sender, lines) = channel();
-    std::thread::spawn(move || {
-        let mut output = BufReader::new(output);
-        while let Some(line) = next_line(&mut output) {
-            if sender.send(line).is_err() {
-                return;
-            }
-        }
-    });
-    lines
-}
-
-/// Reads at most [`LONGEST_LINE`] bytes of a line; returns `None` at the end.
-fn next_line(output: &mut BufReader<impl Read>) -> Option<String> {
-    let mut line = Vec::new();
-    match output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
-        Ok(1..) => Some(String::from_utf8_lossy(&line).trim_end().to_owned()),
-        _ => None,
     }
 }
 
@@ -305,14 +261,11 @@ mod tests {
     #[test]
     fn program_ends_with_its_children() {
         let begun = Instant::now();
-        let policy = Policy::start("sleep 1000 & wait", PATIENCE).unwrap();
-        let group = Pid::from_child(policy.child.as_ref().unwrap());
+        let mut policy = Policy::start("sleep 1000 & wait", PATIENCE).unwrap();
+        let output = std::mem::replace(&mut policy.lines, channel().1);
         drop(policy);
         assert!(begun.elapsed() < Duration::from_secs(10));
-        // The processes' new parent takes a moment to reap them.
-        while rustix::process::test_kill_process_group(group).is_ok() {
-            assert!(begun.elapsed() < Duration::from_secs(10), "somebody is left");
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        // It ends when nobody has it open any more.
+        assert_eq!(output.recv_timeout(Duration::from_secs(10)), Err(RecvTimeoutError::Disconnected));
     }
 }

@@ -3,7 +3,6 @@
 use super::compute::Outcome;
 use super::point::Name;
 use crate::program;
-use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 /// The result of a point.
@@ -40,13 +39,6 @@ pub struct Origin {
 impl Origin {
     /// Returns the origin of points computed by this program.
     pub fn here() -> Self {
-        let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
-        Self { host, program: format!("{} {}", program::VERSION, program::GIT_HASH) }
+        Self { host: system::network::name(), program: format!("{} {}", program::VERSION, program::GIT_HASH) }
     }
-}
-
-/// Returns the processor time of this thread, s.
-pub fn processor_s() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

@@ -8,12 +8,13 @@ use super::folder::Folder;
 use super::part::PartWriter;
 use super::point::Shard;
 use super::points::Points;
-use super::record::{Cost, Record, processor_s};
+use super::record::{Cost, Record};
 use crate::lock::lock;
 use rayon::prelude::*;
 use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use system::clock::thread_s;
 
 /// The points that a worker computes, block by block.
 struct Work<'a> {
@@ -171,10 +172,10 @@ impl Folder {
         };
         let at_rest = InversesAtRest::default();
         let one = |index: u32| {
-            let started_s = processor_s();
+            let started_s = thread_s();
             let point = self.sweep.point(index.into());
             let Some((outcome, sweeps)) = Outcome::of(&point, plan, &at_rest, &goes_on) else { return };
-            let cost = Cost { processor_s: micros(processor_s() - started_s), sweeps };
+            let cost = Cost { processor_s: micros(thread_s() - started_s), sweeps };
             let record = Record { index: point.index, name: point.name, outcome, cost };
             each(&record);
             if let Err(error) = lock(&part).push(record) {

@@ -4,8 +4,7 @@
 //! The claim is the name of an abstract socket. It needs no file, and the kernel releases it however the program ends.
 //! Keeping the port open would not work: avrdude could then not reset the board by opening it.
 
-use super::LinkError;
-use super::port::{busy, classify};
+use std::io::{Error, ErrorKind, Result};
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
@@ -20,18 +19,17 @@ impl Claim {
     /// Claims the port.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] if another biflag has it, [`LinkError::NotFound`], [`LinkError::Port`].
-    pub fn take(path: &str) -> Result<Self, LinkError> {
-        let failed = |error| classify(path, error);
+    /// [`ErrorKind::ResourceBusy`] if another biflag has it; those of looking at it.
+    pub fn take(path: &str) -> Result<Self> {
         // A device can have several names, and links to them.
-        let device = std::fs::metadata(path).map_err(failed)?;
+        let device = std::fs::metadata(path)?;
         let name = format!("biflag-port-{:x}-{:x}-{:x}", device.rdev(), device.dev(), device.ino());
-        let address = SocketAddr::from_abstract_name(name).map_err(failed)?;
-        match UnixDatagram::bind_addr(&address) {
-            Ok(name) => Ok(Self { _name: name }),
-            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => Err(busy(path)),
-            Err(error) => Err(failed(error)),
-        }
+        let name =
+            UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(name)?).map_err(|error| match error.kind() {
+                ErrorKind::AddrInUse => Error::from(ErrorKind::ResourceBusy),
+                _ => error,
+            })?;
+        Ok(Self { _name: name })
     }
 }
 
@@ -46,10 +44,10 @@ mod tests {
         std::fs::write(&port, "").unwrap();
         std::os::unix::fs::symlink(&port, &link).unwrap();
         let claim = Claim::take(&port).unwrap();
-        assert!(matches!(Claim::take(&port), Err(LinkError::Busy { .. })));
-        assert!(matches!(Claim::take(&link), Err(LinkError::Busy { .. })));
+        let failed = |path: &str| Claim::take(path).unwrap_err().kind();
+        assert_eq!([failed(&port), failed(&link)], [ErrorKind::ResourceBusy; 2]);
         drop(claim);
         Claim::take(&link).unwrap();
-        assert!(matches!(Claim::take("/dev/no-such-port"), Err(LinkError::NotFound { .. })));
+        assert_eq!(failed("/dev/no-such-port"), ErrorKind::NotFound);
     }
 }

@@ -1,6 +1,5 @@
 //! Programs of the system that take serial ports away, or write to them.
 
-use super::Finding;
 use std::fs;
 use std::path::Path;
 
@@ -18,16 +17,19 @@ const MEDDLERS: [(&str, &str, &str); 2] = [
     ),
 ];
 
-/// Returns a finding for each that runs, by the processes under `proc`; a fine one if none does.
-pub fn check(proc: &Path) -> Vec<Finding> {
+/// Returns what each that runs does to a board, and how to end that.
+pub fn running() -> Vec<(&'static str, &'static str)> {
+    among(Path::new("/proc"))
+}
+
+/// Returns those among the processes under `proc`.
+fn among(proc: &Path) -> Vec<(&'static str, &'static str)> {
     let names: Vec<String> = (fs::read_dir(proc).into_iter().flatten().flatten())
         .filter_map(|process| fs::read_to_string(process.path().join("comm")).ok())
         .map(|name| name.trim_end().to_owned())
         .collect();
     let runs = |(name, ..): &&(&str, &str, &str)| names.iter().any(|running| running == name);
-    let found: Vec<Finding> =
-        MEDDLERS.iter().filter(runs).map(|(_, detail, cure)| Err(((*detail).into(), (*cure).into()))).collect();
-    if found.is_empty() { vec![Ok("none that takes serial ports".into())] } else { found }
+    MEDDLERS.iter().filter(runs).map(|(_, detail, cure)| (*detail, *cure)).collect()
 }
 
 #[cfg(test)]
@@ -43,10 +45,10 @@ mod tests {
         };
         process("1", "systemd");
         process("77", "brltty-helper");
-        assert!(matches!(check(proc.path())[..], [Ok(_)]));
+        assert!(among(proc.path()).is_empty());
         process("78", "brltty");
         process("90", "ModemManager");
-        let [Err((braille, _)), Err((_, modem))] = &check(proc.path())[..] else { panic!() };
+        let [(braille, _), (_, modem)] = among(proc.path())[..] else { panic!() };
         assert!(braille.starts_with("brltty is running") && modem.contains("systemctl disable --now ModemManager"));
     }
 }

@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// The exit code of a program that the user has interrupted.
-pub(crate) const INTERRUPTED: u8 = 130;
+pub const INTERRUPTED: u8 = 130;
 
 /// A Ctrl-C that follows another one sooner is the same: wrappers pass on the signal that the terminal has sent already.
 const SAME: Duration = Duration::from_millis(500);
@@ -25,7 +25,7 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// Returns whether the user has interrupted a command that handles it.
-pub(crate) fn is_interrupted() -> bool {
+pub fn is_interrupted() -> bool {
     FLAG.get().is_some_and(|flag| flag.load(Ordering::Relaxed))
 }
 
@@ -85,7 +85,7 @@ fn say_what_is_lost() {
 }
 
 /// Makes a write beyond the limit on the size of files (`ulimit -f`) an error instead of the end of the program.
-pub(crate) fn survive_file_limits() {
+pub fn survive_file_limits() {
     // Where the signal cannot be handled, the program ends as before. Nobody reads the flag: the write itself fails.
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }

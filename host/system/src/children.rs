@@ -1,0 +1,101 @@
+//! Programs that this one starts.
+
+use rustix::process::{Pid, Signal, kill_process_group};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// A program and all that it starts in turn: a group of processes.
+///
+/// Ctrl-C on the terminal does not reach it. It must end by itself with its standard input, which this program holds: so it
+/// also ends if this program is killed.
+#[derive(Debug)]
+pub struct Family {
+    /// The program.
+    pub child: Child,
+}
+
+impl Family {
+    /// Starts a program.
+    ///
+    /// # Errors
+    /// As [`Command::spawn`].
+    pub fn start(command: &mut Command) -> std::io::Result<Self> {
+        Ok(Self { child: command.process_group(0).spawn()? })
+    }
+
+    /// Waits for the program to exit; returns `None` if it has not by then.
+    pub fn wait(&mut self, longest: Duration) -> Option<ExitStatus> {
+        let begun = Instant::now();
+        loop {
+            if let Ok(Some(status)) = self.child.try_wait() {
+                return Some(status);
+            }
+            if begun.elapsed() >= longest {
+                return None;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Waits for the program to exit; after this time it is killed with all that it has started.
+    pub fn end(&mut self, longest: Duration) {
+        if self.wait(longest).is_none() {
+            // Killing only a shell would leave its children running.
+            let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
+            let _ = self.child.wait();
+        }
+    }
+
+    /// Returns whether the program only waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
+    pub fn is_held_up(&self) -> bool {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
+        // The name of the program before it may contain spaces and parentheses.
+        let state = stat.rsplit_once(')').and_then(|(_, rest)| rest.split_whitespace().next());
+        matches!(state, Some("R" | "D"))
+    }
+}
+
+/// Reads lines of at most `longest` bytes on a thread, which ends with the output: a program that hangs must not block this one.
+pub fn lines(output: impl Read + Send + 'static, longest: u64) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut output = BufReader::new(output);
+        let mut line = Vec::new();
+        while let Ok(1..) = output.by_ref().take(longest).read_until(b'\n', &mut line) {
+            if sender.send(String::from_utf8_lossy(&line).trim_end().to_owned()).is_err() {
+                return;
+            }
+            line.clear();
+        }
+    });
+    lines
+}
+
+/// Returns a path by which a program opens the file that is its standard output, to write at any place of it.
+pub fn output_path(_output: &File) -> PathBuf {
+    "/dev/stdout".into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_ends_with_its_children() {
+        let begun = Instant::now();
+        let mut family =
+            Family::start(crate::shell::command("sleep 1000 & wait").stdin(std::process::Stdio::piped())).unwrap();
+        let group = Pid::from_child(&family.child);
+        family.end(Duration::from_millis(100));
+        // The processes' new parent takes a moment to reap them.
+        while rustix::process::test_kill_process_group(group).is_ok() {
+            assert!(begun.elapsed() < Duration::from_secs(10), "somebody is left");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What the operating system gives, beyond the standard library. No other crate asks it, so that another system is another
+//! body of these functions. Linux has all of them.
+//!
+//! | module | answers | on other systems of POSIX |
+//! | --- | --- | --- |
+//! | [`signals`] | whether the user wants the program to end | a signal is never known to be ignored |
+//! | [`children`] | how a program starts, and ends with all that it has started | it never seems to be held up |
+//! | [`shell`] | how a user's command runs, and is shown | yes |
+//! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | not yet |
+//! | [`network`] | the computer's name and its own addresses | without a hidden address |
+//! | [`disk`], [`file`], [`folders`], [`clock`] | free room, equal files, the user's settings, a thread's time | yes |
+
+pub mod children;
+pub mod claim;
+pub mod clock;
+pub mod disk;
+pub mod file;
+pub mod folders;
+pub mod meddlers;
+pub mod network;
+pub mod port;
+pub mod shell;
+pub mod signals;
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    /// The emulated board and the tests are Linux's own; `features` has no code.
+    const MAY_ASK: [&str; 4] = ["host/system", "host/features", "sim/virtual-nano", "tests"];
+
+    const LIBRARIES: [&str; 6] = ["libc", "nix", "rustix", "signal-hook", "winapi", "windows"];
+
+    const WORDS: [&str; 10] = [
+        "std::os::",
+        "cfg(unix",
+        "cfg(windows",
+        "target_os",
+        "\"/proc",
+        "\"/sys/",
+        "/dev/pts",
+        "/dev/stdout",
+        "XDG_",
+        "home_dir",
+    ];
+
+    /// Returns the sources below a folder, except those of tests.
+    fn sources(folder: &Path) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let is_test = |path: &PathBuf| path.file_stem().is_some_and(|name| name == "tests");
+        let (folders, files): (Vec<_>, Vec<_>) = entries.filter(|path| !is_test(path)).partition(|path| path.is_dir());
+        let rust = files.into_iter().filter(|path| path.extension().is_some_and(|kind| kind == "rs"));
+        rust.chain(folders.iter().flat_map(|folder| sources(folder))).collect()
+    }
+
+    #[test]
+    fn no_other_crate_asks_the_system() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap();
+        let workspace = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+        let members = workspace.split_once("\nmembers = [").unwrap().1.split_once(']').unwrap().0;
+        let members: Vec<&str> = members.split('"').skip(1).step_by(2).filter(|name| !MAY_ASK.contains(name)).collect();
+        assert!(members.contains(&"host/rig") && members.len() >= 8, "{members:?}");
+        let mut found = Vec::new();
+        for member in members.iter().map(|name| root.join(name)) {
+            let manifest = fs::read_to_string(member.join("Cargo.toml")).unwrap();
+            let needs = |line: &&str| LIBRARIES.contains(&line.split(['.', ' ', '=']).next().unwrap());
+            found.extend(manifest.lines().filter(needs).map(|line| format!("{}: {line}", member.display())));
+            for file in sources(&member.join("src")) {
+                let text = fs::read_to_string(&file).unwrap();
+                let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
+                let asks =
+                    |line: &&str| !line.trim_start().starts_with("//") && WORDS.iter().any(|word| line.contains(word));
+                found.extend(code.lines().filter(asks).map(|line| format!("{}: {line}", file.display())));
+            }
+        }
+        assert!(found.is_empty(), "ask it through `host/system`:\n{}", found.join("\n"));
+    }
+}
