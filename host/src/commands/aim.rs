@@ -1,7 +1,7 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
+use super::answer::{Answer, Outcome};
 use super::options::{within, written_as};
-use super::{Answer, Outcome};
 use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Quantity, Solution, Target, Unknown};
 use crate::output;
 use crate::plan::robot;

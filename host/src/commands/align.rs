@@ -1,7 +1,8 @@
 //! `biflag align`: makes the angles of the flagella known to the board.
 
+use super::answer::{Answer, Outcome};
 use super::ask::ask;
-use super::{Answer, Outcome, settings, virtual_board};
+use super::{settings, virtual_board};
 use crate::colour;
 use crate::link::Link;
 use crate::run::rig::{RecordError, park};

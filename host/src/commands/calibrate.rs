@@ -1,8 +1,8 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
+use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, finding_line};
 use super::options::{ClosureName, cores, written_as};
-use super::{Answer, Outcome};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;

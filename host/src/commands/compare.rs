@@ -1,8 +1,8 @@
 //! `biflag compare`: compares experiment and model.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::finding_line;
 use super::options::{ClosureName, cores, written_as};
-use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
 use crate::report::{self, ByteBudget, Kind, View};
 use crate::session::{Session, Sharing};

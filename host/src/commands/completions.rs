@@ -1,6 +1,6 @@
 //! `biflag completions`: scripts that complete commands and options in a shell.
 
-use super::{Answer, Outcome};
+use super::answer::{Answer, Outcome};
 use clap_complete::Shell;
 use serde_json::json;
 

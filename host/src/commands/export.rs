@@ -1,7 +1,7 @@
 //! `biflag export`: exports trials to other formats.
 
+use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, lines_of_logs};
-use super::{Answer, Outcome};
 use crate::export::{Format, export_log, export_session};
 use crate::output::ending;
 use crate::text::count;

@@ -1,8 +1,8 @@
 //! `biflag figure`: writes figures for a paper.
 
+use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{span, within};
-use super::{Answer, Outcome};
 use crate::colour;
 use crate::figure::{self, COLUMN_MM, Format, MOMENTS, WIDTHS_MM};
 use crate::text::printable;

@@ -1,8 +1,8 @@
 //! `biflag film`: the moving robot as an animated image or a video.
 
+use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{span, within};
-use super::{Answer, Outcome};
 use crate::film::{self, Options};
 use crate::progress::Progress;
 use serde_json::json;

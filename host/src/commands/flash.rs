@@ -1,6 +1,7 @@
 //! `biflag flash`: writes the firmware to the board.
 
-use super::{Answer, Outcome, virtual_board};
+use super::answer::{Answer, Outcome};
+use super::virtual_board;
 use crate::image;
 use crate::link::{self, Link};
 use crate::run::rig::{self, Image, VirtualNano, commit_text};

@@ -1,8 +1,8 @@
 //! `biflag import`: a trial that other instruments measured, as a log.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{pair, span, speeds, within, written_as};
-use super::{Answer, Outcome, WRONG_USE};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
 use crate::text::{count, decimal, printable};

@@ -1,7 +1,7 @@
 //! `biflag live`: serves a log or the stream of a board to Foxglove.
 
+use super::answer::{Answer, Outcome};
 use super::options::within;
-use super::{Answer, Outcome};
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::progress::Progress;

@@ -1,6 +1,6 @@
 //! `biflag man`: the manual pages, from the definition of the command line.
 
-use super::{Answer, Outcome};
+use super::answer::{Answer, Outcome};
 use miette::{IntoDiagnostic, WrapErr};
 use serde_json::json;
 use std::path::PathBuf;

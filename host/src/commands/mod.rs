@@ -1,4 +1,4 @@
-//! The command line. Each command has a file with a function from its arguments to an [`Answer`].
+//! The command line. Each command has a file with a function from its arguments to an `Answer`.
 
 mod aim;
 mod align;
@@ -33,8 +33,6 @@ mod simulate;
 mod steer;
 mod sweep;
 mod virtual_board;
-
-pub use answer::{Answer, Outcome, WRONG_USE};
 
 use crate::program::FULL_VERSION;
 use crate::signals;

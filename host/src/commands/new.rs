@@ -1,7 +1,7 @@
 //! `biflag new`: a plan to begin with.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::options::written_as;
-use super::{Answer, Outcome, WRONG_USE};
 use crate::output::{self, OutputError};
 use crate::plan::{EXAMPLE, Plan};
 use crate::preview::Preview;

@@ -1,8 +1,8 @@
 //! `biflag pack`: a session as one archive.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::written_as;
-use super::{Answer, Outcome, WRONG_USE};
 use crate::pack::{About, pack};
 use crate::progress::Progress;
 use crate::session::Session;

@@ -1,7 +1,7 @@
 //! `biflag plan`: what a plan will do, before it runs.
 
+use super::answer::{Answer, Outcome};
 use super::findings::finding_line;
-use super::{Answer, Outcome};
 use crate::plan::Plan;
 use crate::preview::{Preview, end_after};
 use clap::Subcommand;

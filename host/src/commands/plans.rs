@@ -1,7 +1,7 @@
 //! `biflag plans`: the plans and robot files inside the program.
 
 use super::answer::WRONG_USE;
-use super::{Answer, Outcome};
+use super::answer::{Answer, Outcome};
 use crate::plan::Shipped;
 use biflag_log::similar::suggest;
 use miette::miette;

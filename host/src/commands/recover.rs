@@ -1,7 +1,7 @@
 //! `biflag recover`: writes an intact log from one that is cut off or damaged, and rebuilds a session's manifest.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::options::written_as;
-use super::{Answer, Outcome, WRONG_USE};
 use crate::session::{self, Rebuilt, SessionError};
 use crate::text::count;
 use biflag_log::{check, recover};

@@ -1,8 +1,8 @@
 //! `biflag report`: writes an HTML page about a trial or a session.
 
+use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{cores, written_as};
-use super::{Answer, Outcome};
 use crate::report::{self, Kind, View};
 use crate::text;
 use crate::twin::{self, OnMismatch, Pairs};

@@ -1,7 +1,7 @@
 //! `biflag resistance`: prints the resistance matrix of the rigid robot.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::options::pair;
-use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
 use serde::Serialize;
 use sim::params::Robot;

@@ -1,8 +1,9 @@
 //! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::ask::ask;
 use super::options::volts;
-use super::{Answer, Outcome, WRONG_USE, virtual_board};
+use super::virtual_board;
 use crate::colour;
 use crate::link::{Link, LinkError};
 use crate::plan::board::{self, BoardSettings};

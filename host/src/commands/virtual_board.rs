@@ -1,7 +1,7 @@
 //! Starts the emulated board for a command.
 
 use super::answer::WRONG_USE;
-use super::{Answer, Outcome};
+use super::answer::{Answer, Outcome};
 use crate::image;
 use crate::link;
 use crate::plan::RobotFile;

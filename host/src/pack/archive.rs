@@ -1,7 +1,7 @@
 //! The archive itself: a ZIP, which every repository and every computer opens, and the sums of its files.
 
-use super::PackError;
 use super::content::Entry;
+use super::error::PackError;
 use crate::output::OutputError;
 use crate::text::hex;
 use biflag_log::atomic_file::Draft;

@@ -1,6 +1,7 @@
 //! The files that go into an archive: those of the session, and those made of it.
 
-use super::{About, PackError, readme};
+use super::error::PackError;
+use super::readme::{self, About};
 use crate::export::{Format, export_session};
 use crate::figure::{self, COLUMN_MM, FigureError, Subject};
 use crate::plan::Plan;

@@ -2,7 +2,8 @@
 
 use super::archive::Sum;
 use super::content::Content;
-use super::{About, PackError};
+use super::error::PackError;
+use super::readme::About;
 use crate::program::{GIT_HASH, VERSION, timestamp};
 use crate::session::Session;
 use crate::text;

@@ -14,31 +14,19 @@
 
 mod archive;
 mod content;
+mod error;
 mod metadata;
 mod readme;
 
-use crate::export::ExportError;
-use crate::figure::FigureError;
-use crate::plan::PlanError;
+pub use error::PackError;
+pub use readme::About;
+
 use crate::progress::Progress;
-use crate::report::ReportError;
 use crate::session::{Session, SessionError, is_in_use};
 use crate::trial::LogFinding;
 use content::Content;
-use miette::Diagnostic;
-use std::io;
-use std::path::{Path, PathBuf};
-use study::output::{self, OutputError};
-use thiserror::Error;
-
-/// What the session's files do not say.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct About {
-    /// Who made the recording; empty if nobody is named.
-    pub author: String,
-    /// SPDX identifier of the data's licence, such as `CC-BY-4.0`; empty if none is named.
-    pub license: String,
-}
+use std::path::Path;
+use study::output;
 
 /// A written archive.
 #[derive(Clone, PartialEq, Debug)]
@@ -53,57 +41,6 @@ pub struct Packed {
     pub notes: Vec<String>,
     /// Whether nothing in it may be wrong.
     pub is_sound: bool,
-}
-
-/// Why a session was not packed.
-#[derive(Error, Diagnostic, Debug)]
-pub enum PackError {
-    /// A file of the session cannot be read.
-    #[error("{}: cannot be read", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// A file of the session has changed meanwhile.
-    #[error("{}: has changed while it was packed", path.display())]
-    #[diagnostic(help("pack the session again once no program writes into it"))]
-    Changed {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The archive cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Output(#[from] OutputError),
-    /// The session cannot be read, or is being recorded.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Session(#[from] SessionError),
-    /// Its robot is wrong.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Plan(#[from] PlanError),
-    /// The page cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Report(#[from] ReportError),
-    /// A table cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Export(#[from] ExportError),
-    /// A figure cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Figure(#[from] FigureError),
-}
-
-impl PackError {
-    fn reading(path: &Path) -> impl Fn(io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Read { path: path.clone(), source }
-    }
 }
 
 /// Packs the session in `folder` into the new file `out`.

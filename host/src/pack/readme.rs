@@ -1,11 +1,19 @@
 //! The archive's readme.
 
-use super::About;
 use crate::program::FULL_VERSION;
 use crate::session::{Session, TrialState};
 use crate::text;
 use crate::trial::{Want, Zeroed, findings};
 use std::fmt::Write;
+
+/// What the session's files do not say.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct About {
+    /// Who made the recording; empty if nobody is named.
+    pub author: String,
+    /// SPDX identifier of the data's licence, such as `CC-BY-4.0`; empty if none is named.
+    pub license: String,
+}
 
 /// Returns the text of the readme. `notes`: about the archive.
 pub(super) fn text(session: &Session, states: &[TrialState], about: &About, notes: &[String]) -> String {

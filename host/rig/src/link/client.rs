@@ -1,6 +1,6 @@
 //! The program's interface to the link: opens it, sends requests, receives events.
 
-use super::LinkError;
+use super::error::LinkError;
 use super::lock_step::{Advance, LockStep};
 use super::port;
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};

@@ -1,6 +1,6 @@
 //! Finds and opens the serial port.
 
-use super::LinkError;
+use super::error::LinkError;
 use serialport::{ClearBuffer, SerialPort, SerialPortType};
 use std::io;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Serves the telemetry of a board without recording it.
 
-use super::Live;
+use super::server::Live;
 use crate::link::{Arrival, BoardClock, Event, Link, LinkError, Monitor};
 use crate::run::fault_text;
 use biflag_log::LinkStats;

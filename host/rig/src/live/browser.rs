@@ -4,7 +4,8 @@
 //! experiment. The page requests updates several times a second. A slow browser only slows down its own page: the
 //! recorder adds a row to the [`Feed`] and continues.
 
-use super::{Feed, LiveError};
+use super::error::LiveError;
+use super::feed::Feed;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Plays a log at its original or another speed.
 
-use super::Live;
+use super::server::Live;
 use biflag_log::schema::{self, biflag::event::Kind};
 use biflag_log::{Body, LogError, Reader};
 use serde::Serialize;

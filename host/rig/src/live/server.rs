@@ -1,6 +1,6 @@
 //! The server for viewers.
 
-use super::LiveError;
+use super::error::LiveError;
 use super::origin::Door;
 use biflag_log::Tap;
 use biflag_log::schema::{self, ChannelSpec, LogMessage, biflag};

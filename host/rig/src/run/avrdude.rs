@@ -1,11 +1,12 @@
 //! Writes a firmware image with avrdude through the bootloader.
 
 use miette::Diagnostic;
-use std::io::{self, BufRead, BufReader};
+use std::io;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use system::children::lines;
 use thiserror::Error;
 
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
@@ -150,12 +151,13 @@ fn run(
 /// Waits until avrdude has exited, or must be killed.
 fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
     let until = Instant::now() + limit;
-    let lines = lines_of(child)?;
+    // Nobody waits for the thread that reads them.
+    let lines = child.stderr.take().map_or_else(|| channel().1, |stderr| lines(stderr, u64::MAX));
     let mut said = String::new();
     loop {
         match lines.recv_timeout(CHECK_EVERY) {
             Ok(line) => {
-                said.push_str(&line);
+                said.extend([line.as_str(), "\n"]);
                 if is_silent(&line, &said) {
                     return Ok(Attempt { end: End::Silent, said });
                 }
@@ -164,7 +166,7 @@ fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
                 if let Some(status) = child.try_wait()? {
                     // The pipe has closed with the child, unless another program has inherited it.
                     while let Ok(line) = lines.recv_timeout(LAST_LINES) {
-                        said.push_str(&line);
+                        said.extend([line.as_str(), "\n"]);
                     }
                     return Ok(Attempt { end: End::Exit(status), said });
                 }
@@ -185,24 +187,6 @@ fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
 fn is_silent(line: &str, said: &str) -> bool {
     let said = said.to_ascii_lowercase();
     line.contains("not responding") && said.contains("writing") && !said.contains("verified")
-}
-
-/// Returns the lines of the child's standard error as they arrive. The thread that reads them ends with the pipe;
-/// nobody waits for it.
-fn lines_of(child: &mut Child) -> io::Result<Receiver<String>> {
-    let (sender, lines) = channel();
-    let Some(stderr) = child.stderr.take() else { return Ok(lines) };
-    std::thread::Builder::new().name("avrdude".into()).spawn(move || {
-        let mut stderr = BufReader::new(stderr);
-        let mut line = Vec::new();
-        while stderr.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
-            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
-                return;
-            }
-            line.clear();
-        }
-    })?;
-    Ok(lines)
 }
 
 #[cfg(test)]

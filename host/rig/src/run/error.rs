@@ -1,6 +1,6 @@
 //! Errors of trials on the rig.
 
-use super::preflight::PreflightError;
+use super::refusal::PreflightError;
 use super::virtual_nano::VirtualError;
 use crate::link::LinkError;
 use biflag_log::LogError;

@@ -1,6 +1,6 @@
 //! The fault log in the board's EEPROM. It keeps earlier faults, because the host resets the board by opening the port.
 
-use super::fault_text;
+use super::error::fault_text;
 use crate::link::{Link, LinkError};
 use biflag_log::FaultMeta;
 use protocol::{Command, FAULT_RECORDS, Fault, FaultRecord, Reply};

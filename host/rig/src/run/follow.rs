@@ -1,8 +1,7 @@
 //! Follows the sensor of a board with its motors off, to measure the sensor itself: every reading goes to a function
 //! and into a log.
 
-use super::RecordError;
-use super::fault_text;
+use super::error::{RecordError, fault_text};
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock};
 use biflag_log::{Converter, EventKind, LinkStats, LogError, Writer};
 use miette::Diagnostic;

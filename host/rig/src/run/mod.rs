@@ -12,6 +12,7 @@ pub mod park;
 pub mod preflight;
 mod readout;
 mod recorder;
+mod refusal;
 mod schedule;
 pub mod self_test;
 mod simulated;

@@ -1,7 +1,8 @@
 //! Turns the flagella to angles relative to their marks, which the board knows from its encoders.
 
-use super::preflight::PreflightError;
-use super::{RecordError, stream};
+use super::error::RecordError;
+use super::refusal::PreflightError;
+use super::stream;
 use crate::link::{Link, LinkError};
 use protocol::units::{CentiRpm, EncoderCounts};
 use protocol::{Command, Fault, Info, MAX_TURN_SPEED, Reply, Settings, State, TICK_HZ};

@@ -1,6 +1,6 @@
 //! Sends a trial's schedule to the board, which then keeps time by itself.
 
-use super::RecordError;
+use super::error::RecordError;
 use super::recorder::Recorder;
 use crate::link::LinkError;
 use protocol::units::Micros;

@@ -1,6 +1,6 @@
 //! The simulated robot behind the emulated board. Its unrounded state is recorded with the board's telemetry.
 
-use super::RecordError;
+use super::error::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
 use crate::link::{Link, LinkError, SLICE_US};
 use biflag_log::{Method, ModelMeta, SensorMeta};

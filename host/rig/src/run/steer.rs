@@ -4,9 +4,10 @@
 //! The board has no schedule meanwhile. Each intact frame from this computer restarts its deadline (0.5 s by default),
 //! so the motors stop if this program dies; if the pilot dies or is silent, this program stops them.
 
+use super::error::RecordError;
 use super::recorder::{Frame, Recorder};
+use super::still;
 use super::trial::{RigRun, RunContext, Said, calibrate, record};
-use super::{RecordError, still};
 use crate::link::Asked;
 use biflag_log::{EventKind, LogError, Start, SteerMeta};
 use protocol::units::CentiRpm;

@@ -3,7 +3,7 @@
 //! The board's schedule starts after the first wait and is stopped after the second, so that neither takes longer than
 //! the robot needs.
 
-use super::RecordError;
+use super::error::RecordError;
 use super::recorder::Recorder;
 use biflag_log::{EventKind, RestMeta};
 use study::attitude::{Motion, STILL_TILT_DPS, STILL_YAW_DPS};

@@ -1,6 +1,6 @@
 //! The board's telemetry outside of trials.
 
-use super::RecordError;
+use super::error::RecordError;
 use crate::link::{Event, Link, LinkError};
 use protocol::{Command, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};

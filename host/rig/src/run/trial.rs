@@ -1,9 +1,11 @@
 //! Runs one trial on the rig: waits until the robot is still, calibrates, sends the schedule of rest, run and decay to
 //! the board, and records the trial.
 
+use super::error::RecordError;
 use super::recorder::{Frame, Keep, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
-use super::{RecordError, VirtualNano, preflight, schedule, still};
+use super::virtual_nano::VirtualNano;
+use super::{preflight, schedule, still};
 use crate::link::Link;
 use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
 use protocol::units::CentiRpm;

@@ -1,58 +1,23 @@
 //! `biflag doctor`: checks the tools, ports and boards that a trial needs, the wiring of the motors, or a session.
 
+mod args;
+mod board;
+mod check;
 mod motors;
 mod session;
 
-use super::{Answer, Outcome, settings};
+pub use args::Args;
+
+use super::answer::{Answer, Outcome};
 use crate::image;
 use crate::link::{self, Link, LinkError};
-use crate::plan::board;
 use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{ImageError, VirtualNano, commit_text, fault_log, preflight, repository};
-use miette::Diagnostic;
-use serde::Serialize;
+use crate::run::rig::{ImageError, VirtualNano, repository};
+use check::{Check, Finding, answer, check, problem};
 use serde_json::json;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-
-/// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
-#[derive(clap::Args, Debug)]
-#[command(after_help = "Examples:\n  biflag doctor\n  biflag doctor --motors\n  biflag doctor glycerin\n\n\
-    --motors turns each motor in both directions, at up to full duty: keep the flagella clear. It finds swapped and\n\
-    cut wires, says what to change, and saves settings that correct the error where possible.")]
-pub struct Args {
-    /// Check that the logs of this session are intact, instead of tools and boards.
-    #[arg(value_name = "SESSION", conflicts_with_all = ["port", "motors"])]
-    session: Option<PathBuf>,
-    /// Check only this port instead of all ports.
-    #[arg(long)]
-    port: Option<String>,
-    /// Turn the motors to test them, the encoders and their wiring.
-    #[arg(long)]
-    motors: bool,
-    /// Ask nothing: take the motors' directions for correct, and save the settings that the test found.
-    #[arg(long, requires = "motors")]
-    yes: bool,
-    /// Test the motors of the emulated board.
-    #[arg(long = "virtual", requires = "motors", conflicts_with = "port")]
-    r#virtual: bool,
-    /// Simulate a fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists the faults.
-    #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
-    faults: Vec<String>,
-}
-
-#[derive(Debug, Serialize)]
-struct Check {
-    name: String,
-    ok: bool,
-    detail: String,
-    cure: String,
-}
-
-/// What was found, or the problem and its fix.
-type Finding = Result<String, (String, String)>;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(folder) = &args.session {
@@ -86,32 +51,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     for port in &ports {
         match Link::open(port) {
-            Ok(link) => checks.extend(checks_of_board(&link, BoardCopies::of_user().as_ref())),
+            Ok(link) => checks.extend(board::checks(&link, BoardCopies::of_user().as_ref())),
             Err(error) => checks.push(check(format!("board on {port}"), Err(problem(error)))),
         }
     }
     answer(checks, on_problem)
-}
-
-/// Returns the checks as text and JSON.
-fn answer(checks: Vec<Check>, on_problem: Outcome) -> miette::Result<Answer> {
-    let mut text = String::new();
-    for Check { name, ok, detail, cure } in &checks {
-        let mark = if *ok { "ok     " } else { "PROBLEM" };
-        let _ = writeln!(text, "{mark} {name}: {}", detail.replace('\n', "\n          "));
-        if !ok {
-            let _ = writeln!(text, "        fix: {cure}");
-        }
-    }
-    let outcome = if checks.iter().all(|check| check.ok) { Outcome::Done } else { on_problem };
-    Answer::new(outcome, &json!({ "checks": checks }), text)
-}
-
-fn check(name: String, finding: Finding) -> Check {
-    match finding {
-        Ok(detail) => Check { name, ok: true, detail, cure: String::new() },
-        Err((detail, cure)) => Check { name, ok: false, detail, cure },
-    }
 }
 
 /// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
@@ -152,78 +96,6 @@ fn other_programs() -> Vec<Finding> {
 
 fn emulated_board() -> Finding {
     VirtualNano::program().map(|path| path.display().to_string()).map_err(problem)
-}
-
-/// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
-fn checks_of_board(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
-    let port = link.path();
-    [
-        check(format!("board on {port}"), firmware(link)),
-        check(format!("settings on {port}"), stored_settings(link, copies)),
-        check(format!("angles on {port}"), angles(link)),
-        check(format!("fault log on {port}"), faults(link)),
-    ]
-}
-
-fn firmware(link: &Link) -> Finding {
-    let info = link.info();
-    let [major, minor, patch] = info.firmware;
-    let detail = format!(
-        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?}), {} bytes of RAM left",
-        commit_text(info.git_hash, info.git_dirty),
-        info.protocol,
-        info.board_id,
-        info.boot_count,
-        info.reset_cause,
-        info.ram_left,
-    );
-    match info.imu_id {
-        protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
-        0 => Err((
-            format!("{detail}, but its IMU does not respond"),
-            "check the four wires of the MPU6050: VCC, GND, SCL on A5, SDA on A4".to_owned(),
-        )),
-        id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
-    }
-}
-
-/// Checks that the board's settings are in its EEPROM, and keeps a copy of them.
-fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
-    preflight::settings(link, copies).map_err(problem)?;
-    let settings = settings::read(link).map_err(problem)?;
-    match (settings.board_id, settings::keep(copies, &settings)) {
-        (_, Some(note)) => Ok(format!("in its EEPROM; {note}")),
-        (0, None) => Err((
-            "in its EEPROM, without a board_id, so that this computer cannot keep a copy".to_owned(),
-            format!("`biflag settings --new --port {}` gives the board an unused id", link.path()),
-        )),
-        (id, None) => Ok(match copies {
-            Some(copies) => format!("in its EEPROM; copy in {}", copies.path(id).display()),
-            None => "in its EEPROM".to_owned(),
-        }),
-    }
-}
-
-/// Says whether the board knows the angles of its flagella, which only plans with phases need.
-fn angles(link: &Link) -> Finding {
-    let settings = settings::read(link).map_err(problem)?;
-    Ok(match board::angles_deg(link.info(), &settings) {
-        Some([one, two]) => format!("flagella at {one:.1}° and {two:.1}° from their marks"),
-        None => format!("not known; `biflag align --port {}` makes them known, for plans with phases", link.path()),
-    })
-}
-
-fn faults(link: &Link) -> Finding {
-    let records = fault_log::read(link).map_err(problem)?;
-    if records.is_empty() {
-        return Ok("empty".to_owned());
-    }
-    Ok(records.iter().map(|record| format!("\n{}", fault_log::line(record))).collect())
-}
-
-fn problem(error: impl Diagnostic) -> (String, String) {
-    let cure = error.help().map_or_else(|| "unplug and replug the board".to_owned(), |help| help.to_string());
-    (error.to_string(), cure)
 }
 
 fn last_line(bytes: &[u8]) -> String {

@@ -1,9 +1,12 @@
 //! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
 
-use super::{Args, Check, answer, check, checks_of_board};
+use super::args::Args;
+use super::board;
+use super::check::{Check, answer, check};
 use crate::colour;
+use crate::commands::answer::{Answer, Outcome};
 use crate::commands::ask::ask;
-use crate::commands::{Answer, Outcome, settings, virtual_board};
+use crate::commands::{settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
@@ -75,7 +78,7 @@ fn test(
     if is_new && copies.is_some_and(|copies| !copies.ids().is_empty()) {
         preflight::settings(&link, copies)?;
     }
-    let mut checks: Vec<Check> = checks_of_board(&link, copies).into();
+    let mut checks: Vec<Check> = board::checks(&link, copies).into();
     if is_new {
         // This test is what the board's check asks for.
         checks.remove(1);
@@ -151,7 +154,7 @@ fn judgements(tests: &[MotorTest; 2]) -> Vec<Check> {
     checks
 }
 
-fn judge(motor: usize, test: &MotorTest) -> super::Finding {
+fn judge(motor: usize, test: &MotorTest) -> super::check::Finding {
     let number = motor + 1;
     let wrong = |detail: &str, cure: String| Err((detail.to_owned(), cure));
     let [forwards, backwards] = test.full_rpm;

@@ -1,7 +1,7 @@
 //! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and prints its findings.
 
 use super::super::findings::finding_line;
-use super::{Check, Finding, check};
+use super::check::{Check, Finding, check};
 use crate::session::{Session, TrialState, recorded};
 use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::End;

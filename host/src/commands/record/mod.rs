@@ -3,10 +3,11 @@
 mod row;
 mod viewers;
 
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::finding_line;
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
-use super::{Answer, Outcome, WRONG_USE, board_sensor, plan, settings, virtual_board};
+use super::{board_sensor, plan, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::{EXAMPLE, Plan, Trial, board, robot};

@@ -1,6 +1,7 @@
 //! The board on the bench: its link, its settings, the file of its sensor, and the log of the readings.
 
-use super::Common;
+use super::super::options::written_as;
+use super::super::virtual_board::SensorArgs;
 use crate::commands::{settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::output::OutputError;
@@ -15,7 +16,25 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
-use study::sensor::{MeasuredSensor, RawReading, note};
+use study::sensor::{FILE_NAME, MeasuredSensor, RawReading, note};
+
+/// The board and the file.
+#[derive(clap::Args, Debug)]
+pub struct Common {
+    /// The serial port of the board; not needed if only one board is plugged in.
+    #[arg(long, conflicts_with = "virtual")]
+    port: Option<String>,
+    /// Measure the emulated board, which an emulated hand moves; with a file, its sensor replays the counts recorded from a
+    /// real sensor.
+    #[arg(long = "virtual", value_name = "IMU.csv", num_args = 0..=1, require_equals = true)]
+    #[expect(clippy::option_option, reason = "the flag may come without its file")]
+    r#virtual: Option<Option<PathBuf>>,
+    #[command(flatten)]
+    sensor: SensorArgs,
+    /// The sensor's file. What is in it already stays, unless it is measured again.
+    #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME, value_parser = written_as(&["toml"]))]
+    output: PathBuf,
+}
 
 /// The board on the bench.
 pub struct Bench {

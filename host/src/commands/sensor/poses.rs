@@ -1,9 +1,9 @@
 //! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
 
 use super::super::options::within;
-use super::bench::Bench;
-use super::{Common, Measured, ended, finish, percent};
-use crate::commands::Answer;
+use super::bench::{Bench, Common};
+use super::measured::{Measured, ended, finish, percent};
+use crate::commands::answer::Answer;
 use crate::progress::Progress;
 use serde_json::{Map, json};
 use study::sensor::{AXES, Estimate, PoseStep, PosesResult, PosesWatch};

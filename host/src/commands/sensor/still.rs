@@ -1,9 +1,9 @@
 //! `biflag sensor still`: the gyroscope's noise, by a long rest.
 
 use super::super::options::within;
-use super::bench::Bench;
-use super::{Common, Measured, ended, finish};
-use crate::commands::Answer;
+use super::bench::{Bench, Common};
+use super::measured::{Measured, ended, finish};
+use crate::commands::answer::Answer;
 use crate::progress::Progress;
 use serde_json::{Map, json};
 use study::sensor::{AXES, StillResult, StillWatch};

@@ -1,9 +1,9 @@
 //! `biflag sensor turn`: the gyroscope's scale about an axis, by turns of the hand.
 
 use super::super::options::within;
-use super::bench::Bench;
-use super::{Common, Measured, ended, finish, percent};
-use crate::commands::{Answer, WRONG_USE};
+use super::bench::{Bench, Common};
+use super::measured::{Measured, ended, finish, percent};
+use crate::commands::answer::{Answer, WRONG_USE};
 use crate::progress::Progress;
 use serde_json::json;
 use study::plan::Axis;

@@ -7,7 +7,7 @@ mod replay;
 
 pub use args::Args;
 
-use super::Answer;
+use super::answer::Answer;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     match &args.from {

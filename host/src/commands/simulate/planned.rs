@@ -1,7 +1,7 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
+use super::super::answer::{Answer, Outcome, WRONG_USE};
 use super::super::options::cores;
-use super::super::{Answer, Outcome, WRONG_USE};
 use super::args::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time};
 use crate::plan::robot;

@@ -1,8 +1,8 @@
 //! `biflag simulate --from`: replays recorded trials in the model.
 
+use super::super::answer::{Answer, Outcome};
 use super::super::findings::{are_slight, lines_of_logs};
 use super::super::options::cores;
-use super::super::{Answer, Outcome};
 use super::args::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time};
 use crate::plan::robot;

@@ -1,7 +1,7 @@
 //! Steers the model.
 
-use super::Ran;
 use super::course::Expected;
+use super::output::Ran;
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::run::model::{self, Model, ModelError, SteeredError};

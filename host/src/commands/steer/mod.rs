@@ -8,7 +8,8 @@ mod rig;
 
 pub use args::Args;
 
-use super::{Answer, Outcome, virtual_board};
+use super::answer::{Answer, Outcome};
+use super::virtual_board;
 use crate::link::LinkError;
 use crate::plan::robot;
 use crate::session;
@@ -16,17 +17,8 @@ use crate::signals::interruption;
 use crate::trial::{Data, Want, Zeroed, findings};
 use biflag_log::SteerMeta;
 use course::Course;
-use miette::Report;
 use output::Steered;
-use study::steer::{Held, RATE_HZ, Steering, Tally};
-
-/// What a run came to, wherever it ran.
-struct Ran {
-    tally: Tally,
-    notes: Vec<String>,
-    error: Option<Report>,
-    interrupted: bool,
-}
+use study::steer::{Held, RATE_HZ, Steering};
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(answer) = virtual_board::help(&args.faults, &args.sensor) {

@@ -1,12 +1,21 @@
-//! What `biflag steer` prints.
+//! What a run came to, and what `biflag steer` prints.
 
 use super::super::findings::finding_line;
 use crate::text::{count, decimal};
 use crate::trial::{AngleTerm, Finding};
+use miette::Report;
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
-use study::steer::{Held, Wanted};
+use study::steer::{Held, Tally, Wanted};
+
+/// What a run came to, wherever it ran.
+pub struct Ran {
+    pub tally: Tally,
+    pub notes: Vec<String>,
+    pub error: Option<Report>,
+    pub interrupted: bool,
+}
 
 /// A steered run.
 #[derive(Serialize, Debug)]

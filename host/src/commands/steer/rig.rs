@@ -1,8 +1,9 @@
 //! Steers the robot on the rig, or on the emulated board.
 
 use super::super::{board_sensor, record, settings, virtual_board};
+use super::args::Args;
 use super::course::Expected;
-use super::{Args, Ran};
+use super::output::Ran;
 use crate::link::{self, Link};
 use crate::plan::{Plan, board};
 use crate::progress::Progress;

@@ -6,8 +6,8 @@ mod progress;
 
 pub use args::Args;
 
+use super::answer::{Answer, Outcome};
 use super::options::cores;
-use super::{Answer, Outcome};
 use crate::session;
 use crate::signals::interruption;
 use crate::sweep::{self, Folder, Missing, Shard, SweepError, SweepPlan};
@@ -28,7 +28,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (Some(Action::Slurm(args)), _) => slurm(args),
         (None, Some(plan)) => compute(args, plan),
         (None, None) => {
-            Err(miette::miette!(code = super::WRONG_USE, help = "see biflag sweep --help", "no plan is given"))
+            Err(miette::miette!(code = super::answer::WRONG_USE, help = "see biflag sweep --help", "no plan is given"))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The result of `biflag sweep`.
 
-use super::super::{Answer, Outcome};
+use super::super::answer::{Answer, Outcome};
 use crate::sweep::{Reason, ShardCounts, Sweep};
 use crate::text::count;
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use super::{Frame, Recorder, first_failure};
 use crate::link::LinkError;
-use crate::run::RecordError;
+use crate::run::error::RecordError;
 use protocol::units::Micros;
 use protocol::{Calibration, Command, Reply, ResetCause};
 use std::time::{Duration, Instant};

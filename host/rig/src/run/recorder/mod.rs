@@ -2,10 +2,10 @@
 
 mod ask;
 
+use super::error::{RecordError, fault_text};
 use super::health::Health;
 use super::readout::Readout;
 use super::simulated::TruthRecorder;
-use super::{RecordError, fault_text};
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::CentiRpm;

@@ -1,7 +1,8 @@
 //! Drives a motor open-loop and measures the response of both encoders and the gyroscope.
 
 use crate::link::{Link, LinkError};
-use crate::run::{RecordError, stream};
+use crate::run::error::RecordError;
+use crate::run::stream;
 use protocol::units::Duty;
 use protocol::{Command, Fault, MAX_DRIVE_MS, State, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;

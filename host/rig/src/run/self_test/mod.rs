@@ -8,7 +8,7 @@ mod drive;
 
 pub use drive::{Board, Drive, Driven, Response, Travel};
 
-use super::RecordError;
+use super::error::RecordError;
 use protocol::units::Duty;
 use protocol::{Fault, Settings};
 

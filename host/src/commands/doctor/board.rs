@@ -1,0 +1,75 @@
+//! Checks of a board: its firmware and sensor, its settings, the angles of its flagella, its fault log.
+
+use super::check::{Check, Finding, check, problem};
+use crate::commands::settings;
+use crate::link::Link;
+use crate::plan::board;
+use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::{commit_text, fault_log, preflight};
+
+/// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
+pub fn checks(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
+    let port = link.path();
+    [
+        check(format!("board on {port}"), firmware(link)),
+        check(format!("settings on {port}"), stored_settings(link, copies)),
+        check(format!("angles on {port}"), angles(link)),
+        check(format!("fault log on {port}"), faults(link)),
+    ]
+}
+
+fn firmware(link: &Link) -> Finding {
+    let info = link.info();
+    let [major, minor, patch] = info.firmware;
+    let detail = format!(
+        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?}), {} bytes of RAM left",
+        commit_text(info.git_hash, info.git_dirty),
+        info.protocol,
+        info.board_id,
+        info.boot_count,
+        info.reset_cause,
+        info.ram_left,
+    );
+    match info.imu_id {
+        protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
+        0 => Err((
+            format!("{detail}, but its IMU does not respond"),
+            "check the four wires of the MPU6050: VCC, GND, SCL on A5, SDA on A4".to_owned(),
+        )),
+        id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
+    }
+}
+
+/// Checks that the board's settings are in its EEPROM, and keeps a copy of them.
+fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
+    preflight::settings(link, copies).map_err(problem)?;
+    let settings = settings::read(link).map_err(problem)?;
+    match (settings.board_id, settings::keep(copies, &settings)) {
+        (_, Some(note)) => Ok(format!("in its EEPROM; {note}")),
+        (0, None) => Err((
+            "in its EEPROM, without a board_id, so that this computer cannot keep a copy".to_owned(),
+            format!("`biflag settings --new --port {}` gives the board an unused id", link.path()),
+        )),
+        (id, None) => Ok(match copies {
+            Some(copies) => format!("in its EEPROM; copy in {}", copies.path(id).display()),
+            None => "in its EEPROM".to_owned(),
+        }),
+    }
+}
+
+/// Says whether the board knows the angles of its flagella, which only plans with phases need.
+fn angles(link: &Link) -> Finding {
+    let settings = settings::read(link).map_err(problem)?;
+    Ok(match board::angles_deg(link.info(), &settings) {
+        Some([one, two]) => format!("flagella at {one:.1}° and {two:.1}° from their marks"),
+        None => format!("not known; `biflag align --port {}` makes them known, for plans with phases", link.path()),
+    })
+}
+
+fn faults(link: &Link) -> Finding {
+    let records = fault_log::read(link).map_err(problem)?;
+    if records.is_empty() {
+        return Ok("empty".to_owned());
+    }
+    Ok(records.iter().map(|record| format!("\n{}", fault_log::line(record))).collect())
+}

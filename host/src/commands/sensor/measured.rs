@@ -1,0 +1,73 @@
+//! What a measurement came to, and its answer.
+
+use super::super::answer::{Answer, Outcome};
+use super::bench::{Bench, Kept};
+use miette::Report;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use study::sensor::{AXES, MeasuredSensor};
+
+/// The result of a measurement.
+#[derive(Debug, Default)]
+pub struct Measured {
+    /// What it found, in lines.
+    pub text: String,
+    /// The same for `--json`, beside the values of the file.
+    pub json: Map<String, Value>,
+    pub warnings: Vec<String>,
+}
+
+/// Writes the file and returns the answer.
+pub fn finish(bench: &mut Bench, measured: Measured) -> miette::Result<Answer> {
+    let Measured { mut text, mut json, mut warnings } = measured;
+    let kept = bench.save()?;
+    if kept == Kept::Failed {
+        warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());
+    }
+    json.insert("kept_on_board".to_owned(), json!(kept == Kept::Scales));
+    json.insert("sensor".to_owned(), values(&bench.file));
+    json.insert("file".to_owned(), json!(crate::text::printable(&bench.path.display().to_string())));
+    json.insert("log".to_owned(), json!(crate::text::printable(&bench.log_path.display().to_string())));
+    json.insert("warnings".to_owned(), json!(warnings));
+    for warning in &warnings {
+        text += &format!("warning: {warning}\n");
+    }
+    if kept == Kept::Scales {
+        text += "the board keeps the scales\n";
+    }
+    text += &format!("written to {}; readings in {}", bench.path.display(), bench.log_path.display());
+    Answer::new(if warnings.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &json, text)
+}
+
+/// Returns the answer to a measurement that ended early: an interrupted one is no failure.
+pub fn ended(error: Report) -> miette::Result<Answer> {
+    match error.to_string().as_str() {
+        "interrupted" => Answer::new(Outcome::Interrupted, &json!({ "sensor": null }), "interrupted"),
+        _ => Err(error),
+    }
+}
+
+/// Returns the values of the file: the gyroscope's scales as lists, and every table.
+fn values(file: &MeasuredSensor) -> Value {
+    #[derive(Serialize)]
+    struct One {
+        value: f64,
+        u: f64,
+    }
+    let scale =
+        |part: fn(&study::sensor::Estimate) -> f64| AXES.map(|axis| file.get("gyro_scale", axis).as_ref().map(part));
+    let mut values = Map::new();
+    values.insert("scale".to_owned(), json!(scale(|scale| scale.value)));
+    values.insert("scale_u".to_owned(), json!(scale(|scale| scale.u)));
+    for (name, table) in file.tables() {
+        let table: Map<_, _> =
+            table.iter().map(|(key, one)| (key.clone(), json!(One { value: one.value, u: one.u }))).collect();
+        values.insert(name.to_owned(), Value::Object(table));
+    }
+    Value::Object(values)
+}
+
+/// Formats a percentage with its 95 % uncertainty.
+pub fn percent(estimate: study::sensor::Estimate) -> String {
+    format!("{} ± {:.3} %", study::text::signed(100.0 * estimate.value, 3), 196.0 * estimate.u)
+}
