@@ -1,7 +1,7 @@
 //! A file written and synced in the background, so a slow disk does not delay the trial.
 
-use super::LogError;
 use super::atomic_file::sync_folder_of;
+use super::error::LogError;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -106,7 +106,7 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The log is newer than this program.
-    #[error("{}: has log format {found}, but this program reads formats up to {}", path.display(), super::FORMAT)]
+    #[error("{}: has log format {found}, but this program reads formats up to {}", path.display(), super::meta::FORMAT)]
     #[diagnostic(help("use biflag {program} or newer"))]
     Version {
         /// The file.

@@ -74,6 +74,7 @@ mod stats;
 mod table;
 #[cfg(test)]
 mod tests;
+mod time;
 mod writer;
 
 pub use condition::{Condition, Loss};
@@ -85,6 +86,7 @@ pub use meta::{
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
+pub use record::PROFILE;
 pub use recover::{Recovery, recover};
 /// The kind of an event: a phase begins (the text is its name), the board's state changed, a fault was latched or
 /// cleared, a request was sent again, the gyroscope was calibrated, the clocks were compared, a warning for the user,
@@ -93,16 +95,5 @@ pub use schema::biflag::event::Kind as EventKind;
 pub use sim::steady::Method;
 pub use stats::LinkStats;
 pub use table::{Meta, Table};
+pub use time::LONGEST_TRIAL_S;
 pub use writer::{Start, Tap, Writer};
-
-/// The MCAP profile of biflag logs.
-pub const PROFILE: &str = "biflag";
-
-/// Longest trial, s (one week). A log with later times is damaged.
-pub const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;
-
-/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so a time rounded to nanoseconds is
-/// restored exactly. A product with 1e-9 could lie after the end of the trial.
-fn seconds(time_ns: u64) -> f64 {
-    time_ns as f64 / 1e9
-}

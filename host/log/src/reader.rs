@@ -2,12 +2,14 @@
 
 use super::chunk::{Chunk, Entry};
 use super::condition::{Condition, Loss};
+use super::error::LogError;
 use super::meta::{FORMAT, Identity, Summary};
+use super::record::PROFILE;
 use super::scan::{Piece, Scanner, last_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use super::source::Source;
 use super::table::{self, Meta, Table};
-use super::{LogError, PROFILE, seconds};
+use super::time::seconds;
 use prost::Message as _;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,10 +1,12 @@
 //! Records of an MCAP file as bytes: checks their plausibility and parses them.
 
-use super::PROFILE;
 use super::meta::{self, Summary};
 use super::table::{Meta, Table, from_table, has_crc, is_intact};
 use mcap::MAGIC;
 use mcap::records::{Header, Metadata, Record, op};
+
+/// The MCAP profile of biflag logs.
+pub const PROFILE: &str = "biflag";
 
 /// Length of the head of a record: operation code and length.
 pub(super) const HEAD: u64 = 9;

@@ -1,9 +1,9 @@
 //! Recovers an intact log from a damaged one.
 
-use super::LogError;
 use super::atomic_file::Draft;
 use super::chunk::{Entry, MAX_RECORD};
 use super::condition::{Condition, Loss};
+use super::error::LogError;
 use super::meta::RecoveryMeta;
 use super::reader::{identify, open};
 use super::record::parse;

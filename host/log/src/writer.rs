@@ -2,10 +2,12 @@
 
 use super::convert::{self, CommandRecord};
 use super::disk::{self, Disk, create_file};
+use super::error::LogError;
 use super::meta::{BoardMeta, CalibrationMeta, Identity, MeasuredSensorMeta, PlanMeta, RobotMeta, Summary, TrialMeta};
+use super::record::PROFILE;
 use super::schema::{self, ChannelSpec, LogMessage, biflag, biflag::event::Kind};
 use super::table::{Meta, to_table};
-use super::{LONGEST_TRIAL_S, LogError, PROFILE, seconds};
+use super::time::{LONGEST_TRIAL_S, seconds};
 use protocol::Calibration;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -5,6 +5,7 @@ mod rewritten;
 
 use super::chunk::Entry;
 use super::scan::{Piece, Scanner};
+use super::time::seconds;
 use super::*;
 use protocol::units::{CentiRpm, Count, Duty, EncoderCounts, Quaternion, SensorCounts};
 use protocol::{Calibration, Command, Fault, Reply, Settings, State, Telemetry};

@@ -1,7 +1,6 @@
 //! What is known about the robot's parameters, and why no confidence can be stated for predictions made with them.
 
-use crate::plan::{Fit, FittedParameter, FittedTo};
-use crate::twin::calibrate::MAX_FACTOR;
+use crate::plan::{Fit, FittedParameter, FittedTo, MAX_FACTOR};
 use serde::Serialize;
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;

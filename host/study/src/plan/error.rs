@@ -1,6 +1,6 @@
 //! Errors in a plan, a robot file, or a file of board settings. All of them count as wrong use.
 
-use super::Shipped;
+use super::shipped::Shipped;
 use biflag_log::similar::{did_you_mean, suggest};
 use miette::Diagnostic;
 use sim::params::BUILT_IN;

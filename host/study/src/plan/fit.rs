@@ -7,6 +7,9 @@ use sim::body::closure::Closure;
 use sim::functions::powi;
 use sim::params::Robot;
 
+/// Largest ratio between the value of a parameter and a bound of its interval if it counts as determined.
+pub const MAX_FACTOR: f64 = 1.5;
+
 /// Relative difference up to which two values in a file are the same, because a program may have rounded one of them.
 const ROUNDED: f64 = 1e-4;
 

@@ -25,7 +25,7 @@ pub use board::BoardSettings;
 pub use error::PlanError;
 pub use expand::board_speed;
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
-pub use fit::{Fit, FittedParameter, FittedTo, with_fit};
+pub use fit::{Fit, FittedParameter, FittedTo, MAX_FACTOR, with_fit};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US, WAIT};

@@ -5,6 +5,7 @@ use super::errors::TrialErrors;
 use super::result::Estimate;
 use super::weights::Weights;
 use super::{ASSUMED_REST_DEG, Blocks, Parameter};
+use crate::plan::MAX_FACTOR;
 use crate::text;
 use nalgebra::DMatrix;
 use sim::accuracy::ModelError;
@@ -12,9 +13,6 @@ use sim::functions::powi;
 
 /// Largest correlation between two separable parameters.
 const MAX_CORRELATION: f64 = 0.95;
-
-/// Largest ratio between the value of a parameter and a bound of its interval if it counts as determined.
-pub const MAX_FACTOR: f64 = 1.5;
 
 /// Largest half width of an angle's interval if it counts as determined, degrees.
 const MAX_ANGLE_DEG: f64 = 40.0;

@@ -37,7 +37,6 @@ mod weights;
 
 pub use data::FitTrial;
 pub use file::to_toml;
-pub use judge::MAX_FACTOR;
 pub use parameter::Parameter;
 pub use result::{Calibration, Estimate, Fitted, Mounting};
 
