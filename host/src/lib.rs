@@ -14,7 +14,7 @@ pub use study::{
     aim, attitude, colour, export, import, lock, output, plan, preview, program, progress, sensor, session, sweep,
     text, trial, twin,
 };
-pub use system::signals;
+pub use system::{claim, signals};
 
 /// Runs trials on the rig or in the model, which write the same kind of log.
 pub mod run {

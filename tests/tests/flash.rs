@@ -23,7 +23,7 @@ fn port_is_busy_during_flashing() {
     let bench = Bench::new();
     let nano = nano(["--speed", "max"]);
     let plan = bench.short_plan(1.0, [0.0, 0.0]);
-    let claim = host::link::Claim::take(nano.port()).unwrap();
+    let claim = host::claim::Claim::take(nano.port()).unwrap();
     let image = firmware();
     for command in [
         ["flash", "--port", nano.port(), "--firmware", image.to_str().unwrap()],

@@ -107,7 +107,9 @@ pub(super) fn with_hint(mut error: clap::Error) -> clap::Error {
         _ if error.kind() == ErrorKind::MissingRequiredArgument && text(ContextKind::InvalidArg).contains("--out") => {
             "name the file to write, with -o; nothing was done without it".to_owned()
         }
-        _ if command.ends_with(".toml") => format!("`biflag plan check {}` checks a plan", system::shell::quoted(&command)),
+        _ if command.ends_with(".toml") => {
+            format!("`biflag plan check {}` checks a plan", quoted(&command))
+        }
         _ => return error,
     };
     error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
