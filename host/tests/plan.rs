@@ -167,11 +167,12 @@ fn errors_in_the_trial_table_have_line_and_help() {
         ("calibrate = 61", "4:13: calibrate cannot be 61", CALIBRATE),
         ("calibrate = 1e-300", "4:13: calibrate cannot be 1e-300", CALIBRATE),
         (
-            "runs = 3",
-            "4:1: unknown key `runs`",
+            "length = 3",
+            "4:1: unknown key `length`",
             "write one of `calibrate`, `preroll`, `run`, `decay`, `rest_at_most`, `reverse`, `hand_turn`, `phase_deg`, `phases`, `method`, \
              or leave it out",
         ),
+        ("runs = 3", "4:1: unknown key `runs`", "did you mean run?"),
         ("phase_deg = 90", "4:13: phase_deg cannot be 90", PHASE),
         ("phase_deg = [0, 90, 180]", "4:13: phase_deg cannot be [0, 90, 180]", PHASE),
         ("phase_deg = [0, \"up\"]", "4:17: phase_deg cannot hold \"up\"", PHASE),

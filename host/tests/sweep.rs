@@ -132,7 +132,7 @@ fn every_point_is_a_row() {
     for line in header.lines().filter_map(|line| line.strip_prefix("# ")) {
         println!("{line}");
     }
-    assert!(header.contains("# force1_z_n [N]: mean force of flagellum 1 on the base along z (thrust)"), "{header}");
+    assert!(header.contains("# force1_z_n [N]: force of flagellum 1 on the base along z (thrust)"), "{header}");
 }
 
 #[test]

@@ -8,7 +8,7 @@
 //! | [`shell`] | how a user's command runs, and is shown | yes |
 //! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | not yet |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
-//! | [`disk`], [`file`], [`folders`], [`clock`] | free room, equal files, the user's settings, a thread's time | yes |
+//! | [`disk`], [`mod@file`], [`folders`], [`clock`] | free room, equal files, the user's settings, a thread's time | yes |
 
 pub mod children;
 pub mod claim;

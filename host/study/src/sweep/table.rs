@@ -117,7 +117,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     // One starting phase has no spread where others may give other values.
     let least = |row: &Row| 1 + u32::from(Ratio::of(row.speeds_rpm).is_some());
     for column in quantities.iter().filter(|column| column.is_angle()) {
-        let about = "largest less smallest value of the starting phases; empty if no other was tried".to_owned();
+        let about = "largest less smallest value of the starting phases; 0 where they do not matter, empty if only one was tried".to_owned();
         steady(column.spread(), "deg".into(), about, &|row, s| {
             if s.phases >= least(row) { s.spreads[column.index()] } else { f64::NAN }
         });

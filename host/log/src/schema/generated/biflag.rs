@@ -295,7 +295,7 @@ pub struct Forces {
     /// Number of turns by which the helix axes are wound around each other.
     #[prost(double, tag = "11")]
     pub winding_turns: f64,
-    /// Solver iterations since the previous message.
+    /// Sweeps of the solver since the previous message.
     #[prost(uint32, tag = "12")]
     pub newton_iterations: u32,
 }
