@@ -12,7 +12,12 @@ const SAME: f64 = 1e-12;
 /// Returns whether two texts are the same but for the last digits of numbers.
 fn is_same(one: &str, other: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
-        text.split(|c: char| c.is_whitespace() || ",:[](){}".contains(c)).map(str::to_owned).collect()
+        text.split_inclusive(|c: char| c.is_whitespace() || ",:[](){}".contains(c))
+            .flat_map(|part| {
+                let word = part.trim_end_matches(|c: char| c.is_whitespace() || ",:[](){}".contains(c));
+                [word.to_owned(), part[word.len()..].to_owned()]
+            })
+            .collect()
     };
     let number = |word: &str| word.parse::<f64>().ok().filter(|number| number.is_finite());
     let is_same_word = |(a, b): (&String, &String)| {

@@ -49,7 +49,7 @@ impl Column {
 
 /// Returns the name of a column without the unit at its end.
 fn without_unit(name: &str) -> &str {
-    let units = ["_deg", "_rpm", "_nm_per_rad", "_nm2", "_nm", "_pa_s", "_pa", "_n", "_m", "_s"];
+    let units = ["_deg", "_rpm", "_nm_per_rad", "_nm2", "_nm", "_pa_s", "_pa", "_n", "_m", "_s", "_w"];
     units.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name)
 }
 

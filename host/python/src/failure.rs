@@ -132,7 +132,7 @@ impl From<SweepError> for Failure {
         let help = |help: &str, failure: Self| Self { help: help.to_owned(), ..failure };
         match error {
             SweepError::Plan(error) => error.into(),
-            SweepError::Other { .. } | SweepError::Exists { .. } => {
+            SweepError::Other { .. } | SweepError::Exists { .. } | SweepError::Version { .. } => {
                 help("name another folder", Self { key: "out".to_owned(), ..Self::of(&error) })
             }
             SweepError::Manifest { ref path, .. } => help("begin again in another folder", Self::of_file(path, &error)),

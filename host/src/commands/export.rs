@@ -1,9 +1,9 @@
 //! `biflag export`: exports trials to other formats.
 
-use super::answer::{Answer, Outcome};
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::{are_slight, lines_of_logs};
 use crate::export::{Format, export_log, export_session};
-use crate::output::ending;
+use crate::output::{ending, has_ending};
 use crate::text::count;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
@@ -45,7 +45,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let is_session = args.path.is_dir();
     let formats = args.format.map_or(Format::ALL.to_vec(), |format| vec![format]);
     let endings: Vec<_> = formats.iter().map(|format| format.extension()).collect();
-    let named = args.output.as_deref().filter(|output| !is_session && output.extension().is_some());
+    let named = args.output.as_deref().filter(|output| !is_session && has_ending(output));
+    if let Some(file) = args.output.as_deref().filter(|output| is_session && ending(output, &endings).is_ok()) {
+        return Err(miette::miette!(
+            code = WRONG_USE,
+            help = "name a folder, and choose the files' format with -f",
+            "{}: a session is exported into a folder, with a file for each trial",
+            file.display()
+        ));
+    }
     let format = formats[named.map_or(Ok(0), |output| ending(output, &endings))?];
     let output = args.output.clone().unwrap_or_else(|| {
         if is_session {

@@ -1,6 +1,6 @@
 //! Options shared by several commands.
 
-use crate::output::ending;
+use crate::output::{ending, has_ending};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use crate::sweep::Shard;
 use biflag_log::Method;
@@ -63,7 +63,8 @@ pub fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
 
 /// Returns a parser of the name of a file that is written, which has one of these endings or none.
 pub fn written_as(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| path.extension().map_or(Ok(0), |_| ending(&path, endings)).map(|_| path))
+    PathBufValueParser::new()
+        .try_map(|path| if has_ending(&path) { ending(&path, endings).map(|_| path) } else { Ok(path) })
 }
 
 /// Returns a parser of numbers within a range. `what` names them with their unit.

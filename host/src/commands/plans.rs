@@ -1,7 +1,6 @@
 //! `biflag plans`: the plans and robot files inside the program.
 
-use super::answer::WRONG_USE;
-use super::answer::{Answer, Outcome};
+use super::answer::{Answer, Outcome, WRONG_USE};
 use crate::plan::Shipped;
 use biflag_log::similar::suggest;
 use miette::miette;

@@ -1,7 +1,6 @@
 //! Starts the emulated board for a command.
 
-use super::answer::WRONG_USE;
-use super::answer::{Answer, Outcome};
+use super::answer::{Answer, Outcome, WRONG_USE};
 use crate::image;
 use crate::link;
 use crate::plan::RobotFile;

@@ -76,6 +76,11 @@ pub fn ending(path: &Path, endings: &[impl AsRef<str>]) -> Result<usize, OutputE
     })
 }
 
+/// Returns whether a name has an ending; the digits of `run1.5` are none.
+pub fn has_ending(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| !ending.as_encoded_bytes().iter().all(u8::is_ascii_digit))
+}
+
 /// Refuses a path that cannot become a file.
 fn check_name(path: &Path) -> Result<(), OutputError> {
     let is_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/") || path.file_name().is_none() || path.is_dir();

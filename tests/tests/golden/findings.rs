@@ -13,6 +13,17 @@ use tests::synthetic_rig::{each, known_but_for};
 
 const COLUMNS: &str = "time=time_s,yaw=yaw_deg,pitch=pitch_deg,roll=roll_deg,turns1=turns1,turns2=turns2";
 
+/// Returns a text without the sizes and places of damage in bytes, which depend on the version of the program.
+fn without_bytes(text: &str) -> String {
+    let words: Vec<&str> = text.split(' ').collect();
+    let of_bytes = |i: usize| {
+        let after = words.get(i + 1).is_some_and(|next| *next == "bytes");
+        words[i].contains(|c: char| c.is_ascii_digit()) && (after || i > 0 && words[i - 1] == "byte")
+    };
+    let mask = |i: usize| words[i].replace(|c: char| c.is_ascii_digit(), "");
+    (0..words.len()).map(|i| if of_bytes(i) { mask(i) } else { words[i].to_owned() }).collect::<Vec<_>>().join(" ")
+}
+
 /// Returns what `info` says about a trial.
 fn of_trial(trial: &Value) -> String {
     let mut text = String::new();
@@ -24,10 +35,10 @@ fn of_trial(trial: &Value) -> String {
     {
         let gravity = if finding["grave"] == true { "grave" } else { "note" };
         let [kind, said, cure] = ["kind", "text", "cure"].map(|key| finding[key].as_str().unwrap().to_owned());
-        let _ = writeln!(text, "{what}{gravity}, {kind}: {said} | {cure}");
+        let _ = writeln!(text, "{what}{gravity}, {kind}: {} | {cure}", without_bytes(&said));
     }
     for loss in of_list("losses") {
-        let _ = writeln!(text, "loss: {}", loss.as_str().unwrap());
+        let _ = writeln!(text, "loss: {}", without_bytes(loss.as_str().unwrap()));
     }
     for key in ["run_start_s", "run_end_s"].into_iter().filter(|key| !trial[*key].is_null()) {
         let _ = writeln!(text, "{key}: {}", number(&trial[key]));

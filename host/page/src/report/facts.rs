@@ -141,7 +141,9 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         for quantity in quantity::steady().filter(|quantity| quantity.is_in(Place::Trials)) {
             let parts = steady.values.parts(&quantity).iter().filter(|part| part.is_finite());
             let parts: Vec<_> = parts.map(|part| format!("{part:.3e} {}", quantity.unit)).collect();
-            facts.push(("Model’s steady state", format!("{}: {}", quantity.label(None), parts.join(", "))));
+            if !parts.is_empty() {
+                facts.push(("Model’s steady state", format!("{}: {}", quantity.label(None), parts.join(", "))));
+            }
         }
     }
     if let Some(robot) = &records.robot {

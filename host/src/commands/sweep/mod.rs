@@ -100,7 +100,7 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
         missing: points - merged.done,
         failed: merged.failed,
         warnings,
-        notes: folder.sweep.note_on_phases().into_iter().collect(),
+        notes: folder.sweep.note_on_phases().into_iter().chain(not_found(merged.not_found)).collect(),
     };
     swept.answer(path)
 }
@@ -129,6 +129,11 @@ fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answ
         shards.map(|of| folder.shards(of.into(), &counts).into_iter().zip(1..).map(ShardStatus::from).collect());
     let status = Status { swept, time_left_s, reasons, shards };
     Answer::new(Outcome::Done, &status, status.text(path))
+}
+
+fn not_found(points: u64) -> Option<String> {
+    let what = "of which no steady state was found in `run` seconds: their means are not known (`kind`)";
+    (points > 0).then(|| format!("{}, {what}", count(points as usize, "point")))
 }
 
 fn shown(path: &Path) -> String {

@@ -8,7 +8,7 @@ use sim::steady::phase;
 use sim::steady::{Kind, Problem, SolveError};
 use sim::steady::{Phases, SteadyState};
 use sim::step::InversesAtRest;
-use sim::trial::quantity::Values;
+use sim::trial::quantity::{FLAGELLA, Values, columns};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The steady state of a point over its starting phases.
@@ -56,6 +56,13 @@ impl Outcome {
             Self::Ok(_) => None,
             Self::Failed(reason) => Some(reason),
         }
+    }
+
+    /// Returns whether every quantity has its value, its spread and its error.
+    pub fn is_whole(&self) -> bool {
+        let columns = columns(FLAGELLA).count();
+        let lengths = |steady: &Steady| [steady.values.len(), steady.spreads.len(), steady.standard_errors.len()];
+        self.steady().is_none_or(|steady| lengths(steady) == [columns; 3])
     }
 
     /// Returns whether the point cannot be computed.

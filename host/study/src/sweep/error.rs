@@ -4,8 +4,14 @@ use super::RESULTS;
 use crate::plan::PlanError;
 use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+/// What the folder of a session is.
+pub(super) const SESSION: &str = "a session folder";
+
+const REUSE: &str = "; --reuse DIR takes over the points that both sweeps have";
 
 /// Why a sweep could not go on.
 #[derive(Error, Diagnostic, Debug)]
@@ -21,6 +27,16 @@ pub enum SweepError {
         /// Why.
         source: std::io::Error,
     },
+    /// Another version of biflag computed a part of the folder.
+    #[error("{}: another version of biflag computed it", path.display())]
+    #[diagnostic(
+        code(wrong_use),
+        help("move this file away, or name another folder with --out, and compute its points again")
+    )]
+    Version {
+        /// The part.
+        path: PathBuf,
+    },
     /// The folder has points already.
     #[error("{}: already has points of this sweep", folder.display())]
     #[diagnostic(code(wrong_use), help("go on with --resume, or name another folder with --out"))]
@@ -32,7 +48,7 @@ pub enum SweepError {
     #[error("{}: is {what}", folder.display())]
     #[diagnostic(
         code(wrong_use),
-        help("name another folder with --out; --reuse DIR takes over the points that both sweeps have")
+        help("name another folder with --out{}", if *what == SESSION { "" } else { REUSE })
     )]
     Other {
         /// The folder.
@@ -112,5 +128,14 @@ impl SweepError {
     pub fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {
         let path = path.to_owned();
         |source| Self::Io { path, source }
+    }
+
+    /// The same for a part, which another version may have written.
+    pub fn of_part(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        |source| match source.kind() {
+            ErrorKind::InvalidData => Self::Version { path },
+            _ => Self::Io { path, source },
+        }
     }
 }

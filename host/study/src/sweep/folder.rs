@@ -99,7 +99,7 @@ impl Folder {
         let mut parts = Parts::default();
         let now_s = now_s(&self.path);
         for path in part::parts(&self.path).map_err(SweepError::at(&self.path))? {
-            let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::at(&path))? else { continue };
+            let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::of_part(&path))? else { continue };
             while let Some(record) = reader.next().map_err(SweepError::at(&path))? {
                 if self.has(&record) {
                     with(reader.origin(), record)?;

@@ -4,6 +4,7 @@
 //! one of them names the file, and each reads it back.
 
 use super::SweepError;
+use super::error::SESSION;
 use crate::session;
 use biflag_log::atomic_file;
 use serde::{Deserialize, Serialize};
@@ -36,7 +37,7 @@ impl Manifest {
     /// [`SweepError::Other`] if the folder has a different manifest.
     pub fn put_into(&self, folder: &Path) -> Result<(), SweepError> {
         if folder.join(session::MANIFEST).exists() {
-            return Err(SweepError::Other { folder: folder.to_owned(), what: "a session folder" });
+            return Err(SweepError::Other { folder: folder.to_owned(), what: SESSION });
         }
         std::fs::create_dir_all(folder).map_err(SweepError::at(folder))?;
         let file = path(folder);

@@ -6,6 +6,7 @@
 //! memory grows little with the number of points.
 
 use super::buckets::Buckets;
+use super::compute::Outcome;
 use super::folder::{Folder, Parts};
 use super::point::Name;
 use super::points::Points;
@@ -15,6 +16,7 @@ use super::{SweepError, cost_path, csv_path, parquet_path};
 use crate::export::table::Table;
 use crate::export::{csv, parquet};
 use biflag_log::atomic_file;
+use sim::steady::Kind;
 use std::collections::HashMap;
 use std::io::{Error, Write};
 use std::path::PathBuf;
@@ -38,11 +40,21 @@ pub struct Merged {
     pub done: u64,
     /// Number of rows of failed points.
     pub failed: u64,
+    /// Number of rows whose means are not known.
+    pub not_found: u64,
     /// Number of points computed several times with different results, which should not be.
     /// The table has one of these results, chosen by its bytes.
     pub different: u64,
     /// Parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,
+}
+
+impl Merged {
+    fn count(&mut self, records: &[Record]) {
+        let are = |of: fn(&Outcome) -> bool| records.iter().filter(|record| of(&record.outcome)).count() as u64;
+        self.failed += are(Outcome::is_failed);
+        self.not_found += are(|outcome| outcome.steady().is_some_and(|steady| steady.kind == Kind::NotFound));
+    }
 }
 
 /// The results of a sweep in buckets.
@@ -93,9 +105,8 @@ impl Folder {
         })?;
         let different = sort(&mut records).map_err(SweepError::at(&self.path))?;
         let records: Vec<_> = records.into_iter().map(|(_, record)| record).collect();
-        let failed = records.iter().filter(|record| record.outcome.is_failed()).count();
-        let (done, failed) = (records.len() as u64, failed as u64);
-        let merged = Merged { done, failed, different, damaged: parts.damaged };
+        let mut merged = Merged { done: records.len() as u64, different, damaged: parts.damaged, ..Merged::default() };
+        merged.count(&records);
         Ok((table(&self.sweep, records), merged))
     }
 
@@ -138,7 +149,7 @@ impl Folder {
             }
             cost.rows(&cost_table(&records, origins))?;
             let records: Vec<Record> = records.into_iter().map(|(_, record)| record).collect();
-            merged.failed += records.iter().filter(|record| record.outcome.is_failed()).count() as u64;
+            merged.count(&records);
             let rows = table(&self.sweep, records);
             parquet.rows(&rows)?;
             csv.rows(&rows)?;

@@ -174,13 +174,15 @@ impl Sweep {
 
     /// Returns a note for the user if points hold for one starting phase where others may give other values.
     pub fn note_on_phases(&self) -> Option<String> {
-        let all = if self.plan.speeds_rpm.is_empty() { self.plan.points() } else { self.plan.speeds_rpm.len() as u64 };
+        if self.plan.phases != 1 {
+            return None;
+        }
+        let pairs = &self.plan.speeds_rpm;
+        let (all, what) =
+            if pairs.is_empty() { (self.plan.points(), "points") } else { (pairs.len() as u64, "pairs of speeds") };
         let some = (0..all).filter(|index| Ratio::of(self.inputs(*index).0).is_some()).count();
         let cure = "`phases = 8` in [trial] gives means and spreads";
-        let text = format!(
-            "the points at {some} of {all} pairs of speeds hold for the one starting phase that was tried; {cure}"
-        );
-        (self.plan.phases == 1 && some > 0).then_some(text)
+        (some > 0).then(|| format!("{some} of {all} {what} hold for the one starting phase that was tried; {cure}"))
     }
 
     /// Returns the speeds of a point (rpm), and its value for each axis, if it sets one.

@@ -75,8 +75,10 @@ mod tests {
         let version = lines.next().unwrap_or_default();
         // Parts of a sweep store values by their place in the list, so the list has this version as well.
         let names =
-            format!("w1_rpm,w2_rpm,kind,{}", quantities().map(|column| column.name).collect::<Vec<_>>().join(","));
-        let now: Vec<String> = std::iter::once(names).chain(now).collect();
+            |of: &mut dyn Iterator<Item = Column>| of.map(|column| format!(",{}", column.name)).collect::<String>();
+        let stored = format!("# stored{}", names(&mut columns(FLAGELLA)));
+        let heads = [stored, format!("w1_rpm,w2_rpm,kind{}", names(&mut quantities()))];
+        let now: Vec<String> = heads.into_iter().chain(now).collect();
         let before: Vec<&str> = lines.collect();
         let changed: Vec<_> = now.iter().zip(&before).filter(|(now, before)| now.as_str() != **before).collect();
         let wanted = format!("# version {RESULTS}");

@@ -25,7 +25,7 @@ impl Folder {
         let wanted = self.by_number(shard, &counts.done);
         let mut part = PartWriter::create(&self.path).map_err(SweepError::at(&self.path))?;
         for path in part::parts(from).map_err(SweepError::at(from))? {
-            let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::at(&path))? else { continue };
+            let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::of_part(&path))? else { continue };
             while let Some(mut record) = reader.next().map_err(SweepError::at(&path))? {
                 let number = record.name.number();
                 let begin = wanted.partition_point(|(other, _)| *other < number);

@@ -97,8 +97,8 @@ pub struct Steady {
     pub force: [[Level; 3]; 2],
     /// Reaction torques about the shafts, N m.
     pub axial_torque: [Level; 2],
-    /// Speeds of the motors at the end of the run, rad/s: an input, which is not stored with the results.
-    #[serde(skip)]
+    /// Target speeds of the motors at the end of the run, rad/s: an input, which is not stored with the results.
+    #[serde(skip, default = "unknown")]
     pub speeds_rad_s: [f64; 2],
     /// Whether the means are known, and reached, by the rule of the module.
     pub settled: bool,
@@ -355,6 +355,10 @@ impl SteadyCollector {
         steady.settled = settled(&steady);
         steady
     }
+}
+
+fn unknown() -> [f64; 2] {
+    [f64::NAN; 2]
 }
 
 impl Level {

@@ -91,13 +91,14 @@ pub struct Column {
     pub quantity: Quantity,
     /// The part: the number of the flagellum, from 0, and of the axis.
     part: usize,
+    index: usize,
     /// Its name, with the unit.
     pub name: String,
 }
 
 /// Returns the columns of a steady state for this number of flagella.
 pub fn columns(flagella: usize) -> impl Iterator<Item = Column> {
-    steady().flat_map(move |of| of.columns(flagella))
+    numbered(steady().flat_map(move |of| of.columns(flagella)))
 }
 
 /// Returns the quantities of a steady state.
@@ -107,7 +108,12 @@ pub fn steady() -> impl Iterator<Item = Quantity> {
 
 /// Returns the columns of a sample for this number of flagella.
 pub fn sample_columns(flagella: usize) -> impl Iterator<Item = Column> {
-    QUANTITIES.into_iter().filter(|quantity| quantity.sample.is_some()).flat_map(move |of| of.columns(flagella))
+    let sampled = QUANTITIES.into_iter().filter(|quantity| quantity.sample.is_some());
+    numbered(sampled.flat_map(move |of| of.columns(flagella)))
+}
+
+fn numbered(columns: impl Iterator<Item = Column>) -> impl Iterator<Item = Column> {
+    columns.enumerate().map(|(index, column)| Column { index, ..column })
 }
 
 /// Number of the columns of a sample of two flagella.
@@ -178,7 +184,12 @@ impl Quantity {
     }
 
     fn columns(self, flagella: usize) -> impl Iterator<Item = Column> {
-        (0..self.shape.parts(flagella)).map(move |part| Column { quantity: self, part, name: self.name(part, "") })
+        (0..self.shape.parts(flagella)).map(move |part| Column {
+            quantity: self,
+            part,
+            index: 0,
+            name: self.name(part, ""),
+        })
     }
 
     /// Returns what it is: of this flagellum, from 0, or of each.
@@ -238,8 +249,8 @@ impl Column {
         self.quantity.sample.map_or(f64::NAN, |value| value(sample, self.part))
     }
 
-    /// Returns its place in [`Values::numbers`].
+    /// Returns its place among the columns, and so in [`Values::numbers`].
     pub fn index(&self) -> usize {
-        self.quantity.start() + self.part
+        self.index
     }
 }

@@ -5,7 +5,7 @@ use super::{Column, FLAGELLA, FORCE, PITCH, Quantity, ROLL, Shape, THRUST, TILT,
 use crate::body::attitude::tilt_deg;
 use crate::trial::Summary;
 use crate::trial::means::Level;
-use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error as _, IgnoredAny, MapAccess, Visitor};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::fmt;
 
@@ -106,8 +106,12 @@ impl OverPhases {
         match self {
             Self::Mean => values.sum::<f64>() / count,
             Self::Sum => values.sum(),
-            Self::Least => values.fold(f64::INFINITY, f64::min),
-            Self::Largest => values.fold(f64::NEG_INFINITY, f64::max),
+            Self::Least => {
+                values.fold(f64::INFINITY, |least, value| if value.is_nan() || value < least { value } else { least })
+            }
+            Self::Largest => {
+                values.fold(f64::NEG_INFINITY, |most, value| if value.is_nan() || value > most { value } else { most })
+            }
         }
     }
 }
@@ -132,7 +136,7 @@ impl Serialize for Values {
             for (key, parts) in quantity.keys("") {
                 let numbers = &self.numbers[start + parts.start..start + parts.end];
                 match quantity.shape {
-                    Shape::Count => map.serialize_entry(&key, &(numbers[0] as u64))?,
+                    Shape::Count => map.serialize_entry(&key, &numbers[0].is_finite().then_some(numbers[0] as u64))?,
                     _ if quantity.is_single() => map.serialize_entry(&key, &numbers[0])?,
                     _ => map.serialize_entry(&key, numbers)?,
                 }
@@ -171,11 +175,11 @@ impl<'de> Deserialize<'de> for Values {
                         })
                     };
                     if let Some((quantity, at)) = place("") {
-                        let numbers = numbers(&quantity, &mut map)?.unwrap_or_default();
+                        let numbers = numbers(&quantity, at.len(), &mut map)?;
                         values.numbers[at].iter_mut().zip(numbers).for_each(|(number, read)| *number = read);
                     } else if let Some((quantity, at)) = place("_se").filter(|(quantity, _)| quantity.shape.has_error())
                     {
-                        let errors = numbers(&quantity, &mut map)?.unwrap_or_default();
+                        let errors = numbers(&quantity, at.len(), &mut map)?;
                         values.errors[at].iter_mut().zip(errors).for_each(|(error, read)| *error = Some(read));
                     } else {
                         map.next_value::<IgnoredAny>()?;
@@ -188,13 +192,16 @@ impl<'de> Deserialize<'de> for Values {
     }
 }
 
-/// Reads the numbers of a key; `None` where they are `null`.
-fn numbers<'de, A: MapAccess<'de>>(quantity: &Quantity, map: &mut A) -> Result<Option<Vec<f64>>, A::Error> {
+/// Reads the numbers of a key, as many as it has parts; none where it is `null`.
+fn numbers<'de, A: MapAccess<'de>>(quantity: &Quantity, parts: usize, map: &mut A) -> Result<Vec<f64>, A::Error> {
     if quantity.is_single() {
-        return Ok(map.next_value::<Option<f64>>()?.map(|number| vec![number]));
+        return Ok(map.next_value::<Option<f64>>()?.into_iter().collect());
     }
-    let numbers = map.next_value::<Option<Vec<Option<f64>>>>()?;
-    Ok(numbers.map(|numbers| numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect()))
+    let Some(numbers) = map.next_value::<Option<Vec<Option<f64>>>>()? else { return Ok(Vec::new()) };
+    if numbers.len() != parts {
+        return Err(A::Error::invalid_length(numbers.len(), &format!("{parts} numbers").as_str()));
+    }
+    Ok(numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect())
 }
 
 #[cfg(test)]

@@ -163,7 +163,10 @@ biflag.LiveTrial = class {
     trial.show();
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-  const paper = (on) => repaint(document.documentElement.classList.toggle("paper", on));
+  const paper = (on) => {
+    document.documentElement.classList.toggle("paper", on);
+    repaint();
+  };
   addEventListener("beforeprint", () => paper(true));
   addEventListener("afterprint", () => paper(false));
   ask();
