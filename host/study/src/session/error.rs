@@ -11,6 +11,12 @@ use thiserror::Error;
 const MADE_BY: &str =
     "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml";
 
+const A_SWEEP: &str = "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
+
+fn is_sweep(folder: &Path) -> bool {
+    folder.join("sweep.toml").is_file()
+}
+
 /// Why a folder cannot be used as a session.
 #[derive(Error, Diagnostic, Debug)]
 pub enum SessionError {
@@ -114,7 +120,7 @@ pub enum SessionError {
     },
     /// The folder is not a session folder.
     #[error("{}: is not a session folder: it has no session.toml", folder.display())]
-    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, MADE_BY)))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, if is_sweep(folder) { A_SWEEP } else { MADE_BY })))]
     NotASession {
         /// The folder.
         folder: PathBuf,
