@@ -9,6 +9,7 @@ use super::usable::Unusable;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
 use crate::sensor::MeasuredSensor;
+use crate::text::decimal;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use protocol::Settings;
@@ -77,7 +78,15 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = Vec::new();
     let window_s = steady.window.end - steady.window.start;
     if !steady.settled && data.speeds() != [CentiRpm(0); 2] {
-        let text = if window_s > 0.0 {
+        let of_model = data.records.steady.as_ref().filter(|_| data.is_model());
+        let errors: Option<Vec<f64>> = of_model.and_then(|own| own.values.angle_errors_deg().into_iter().collect());
+        let text = if let Some(errors) = errors {
+            let largest = decimal(2.0 * errors.into_iter().fold(0.0, f64::max), 2);
+            format!(
+                "not settled: the angles are what a slow approach has reached by a fit to the last {window_s:.1} s, known to ± \
+                 {largest}°, not steady values"
+            )
+        } else if window_s > 0.0 {
             format!("not settled: the angles are means over the last {window_s:.1} s, not steady values")
         } else {
             "not settled: the run ends as a motor reverses, and the angles are those of its end".to_owned()
