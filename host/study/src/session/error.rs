@@ -13,7 +13,8 @@ const MADE_BY: &str =
 
 const A_SWEEP: &str = "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
 
-fn is_sweep(folder: &Path) -> bool {
+/// Returns whether a folder has the manifest of a sweep.
+pub(super) fn is_sweep(folder: &Path) -> bool {
     folder.join("sweep.toml").is_file()
 }
 

@@ -151,7 +151,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
-        if crate::sweep::manifest::path(folder).exists() {
+        if error::is_sweep(folder) {
             return Err(SessionError::Exists { folder: folder.to_owned(), what: "a sweep" });
         }
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
