@@ -87,7 +87,7 @@ fn reversal_is_read() {
     let trial = &plan.trials[0];
     let reverse = trial.reverse.unwrap();
     assert_eq!((reverse.motor, reverse.after_s), (2, 35.5));
-    assert_eq!(reverse.of(trial.speeds).map(|speed| speed.rpm()), [90.0, -40.0]);
+    assert_eq!(trial.final_speeds().map(|speed| speed.rpm()), [90.0, -40.0]);
     assert_eq!(parse("[speeds]\npairs = [[90, 40]]").unwrap().trials[0].reverse, None);
 }
 

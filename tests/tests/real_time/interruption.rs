@@ -245,7 +245,8 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
 fn lost_before(bench: &Bench, log: &Path, killed_at: Duration, [begun_s, sent_s]: [f64; 2]) -> Duration {
     let passed = |since_s: f64| Duration::from_secs_f64((sent_s - since_s).max(0.0));
     let begun = std::fs::metadata(log).unwrap().modified().unwrap().duration_since(UNIX_EPOCH).unwrap();
-    let recovered = log.with_extension("copy");
+    // Beside the session, which would take it for a log of its own.
+    let recovered = bench.path().join("recovered.mcap");
     let run = bench.run(["recover", log.to_str().unwrap(), "-o", recovered.to_str().unwrap(), "--json"]);
     if run.code == Some(1) && run.stderr.contains("nothing was recorded") {
         // The file was there, and the trial had not begun.

@@ -459,7 +459,7 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         };
         let zeroed = Zeroed::new(&data);
         let found = LogFinding::all_of(&data.path, findings(&data, &zeroed));
-        let speeds_rpm = state.trial.speeds.map(CentiRpm::rpm);
+        let speeds_rpm = state.trial.final_speeds().map(CentiRpm::rpm);
         // A trial that did not end as planned has no steady angles; its findings say so.
         let angles = zeroed.angles().filter(|_| state.complete().is_some());
         let is_settled = !found.iter().any(|of_log| of_log.finding.kind == FindingKind::Window);
@@ -472,7 +472,9 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
     let (mut trials, mut unknown, mut first) = (Vec::new(), Vec::new(), None);
     let read = attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
     for ((angles, found, log, maker), (state, _)) in read.into_iter().zip(&attempts) {
-        unknown.extend((angles.is_none() && state.complete().is_some()).then(|| state.trial.speeds.map(CentiRpm::rpm)));
+        unknown.extend(
+            (angles.is_none() && state.complete().is_some()).then(|| state.trial.final_speeds().map(CentiRpm::rpm)),
+        );
         trials.extend(angles);
         remarks.findings.extend(found);
         logs.extend(log);

@@ -218,7 +218,7 @@ fn of_session(
         let speeds_rpm = match &state {
             // The plan has the speeds that it began with.
             RowState::Shown(view) if view.records.steer.is_some() => view.speeds_rpm,
-            _ => trial.speeds.map(|speed| speed.rpm()),
+            _ => trial.final_speeds().map(|speed| speed.rpm()),
         };
         Row { name: trial.name.clone(), speeds_rpm, state }
     };

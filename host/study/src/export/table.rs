@@ -293,10 +293,13 @@ impl Summary {
     /// `trial` comes from the plan, because the log may have lost it; `file` is the file that the trial was exported
     /// to.
     pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
+        let speeds = data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds());
+        let speeds =
+            trial.reverse.filter(|_| data.records.steer.is_none()).map_or(speeds, |reverse| reverse.of(speeds));
         Self {
             name: trial.name.clone(),
             origin: data.origin().name(),
-            speeds_rpm: data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds()).map(|speed| speed.rpm()),
+            speeds_rpm: speeds.map(|speed| speed.rpm()),
             repeat: trial.repeat,
             complete: data.is_complete(),
             angles: zeroed.angles(),
@@ -325,8 +328,8 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
     let mut columns = vec![
         text("trial", "name of the trial", &|trial| trial.name.clone()),
-        real("w1_rpm", "target speed of flagellum 1", &|trial| Some(trial.speeds_rpm[0])),
-        real("w2_rpm", "target speed of flagellum 2", &|trial| Some(trial.speeds_rpm[1])),
+        real("w1_rpm", "target speed of flagellum 1 at the end of the run", &|trial| Some(trial.speeds_rpm[0])),
+        real("w2_rpm", "target speed of flagellum 2 at the end of the run", &|trial| Some(trial.speeds_rpm[1])),
         int("repeat", "repeat of the same speeds, from 1", &|trial| trial.repeat.into()),
         int("complete", "1 if the trial ended as planned", &|trial| trial.complete.into()),
         real("yaw_deg", "steady yaw: mean over the end of the run", &angle(|angles| Some(angles.yaw_deg))),

@@ -112,6 +112,11 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// Returns the target speeds at the end of the run, where the steady angles are measured: after a reversal, if there is one.
+    pub fn final_speeds(&self) -> [CentiRpm; 2] {
+        self.reverse.map_or(self.speeds, |reverse| reverse.of(self.speeds))
+    }
+
     /// Returns whether another trial differs from this one at most in its starting phase.
     pub fn is_at_the_phases_of(&self, other: &Self) -> bool {
         (self.speeds, self.repeat) == (other.speeds, other.repeat)

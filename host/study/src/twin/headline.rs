@@ -13,8 +13,14 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
     if let Some((trial, angle)) = worst.filter(|_| !by_chance) {
         return format!("{} {}.", capitalised(&apart(angle, trial.sides)), at(trial));
     }
-    if let Some(trial) = trials.iter().find(|trial| !trial.transients_agree()) {
-        return format!("{both} agree in the steady state, but not on the way there {}.", at(trial));
+    let excess = |trial: &&Comparison| {
+        let transients = trial.angles().into_iter().filter_map(|angle| angle.transient);
+        transients.map(|of| of.residual_deg / of.allowed_deg).fold(0.0, f64::max)
+    };
+    let apart_on_the_way = trials.iter().filter(|trial| !trial.transients_agree());
+    if let Some(trial) = apart_on_the_way.max_by(|a, b| excess(a).total_cmp(&excess(b))) {
+        let state = if worst.is_some() { "differ no more than by chance" } else { "agree" };
+        return format!("{both} {state} in the steady state, but not on the way there {}.", at(trial));
     }
     if together {
         return format!("{both} differ in all trials together, though in none by itself.");
