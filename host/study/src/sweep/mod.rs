@@ -14,7 +14,7 @@ mod design;
 mod error;
 mod folder;
 mod key;
-pub(crate) mod manifest;
+mod manifest;
 mod merge;
 mod order;
 mod part;

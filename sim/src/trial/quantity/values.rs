@@ -37,8 +37,8 @@ impl Values {
     /// Returns the values that stand for those of several starting phases. There must be at least one.
     pub fn over_phases(phases: &[Self]) -> Self {
         let (numbers, errors) = columns(FLAGELLA)
-            .enumerate()
-            .map(|(i, column)| {
+            .map(|column| {
+                let i = column.index();
                 let number = column.quantity.over_phases.of(phases.iter().map(|phase| phase.numbers[i]));
                 (number, error_of_mean(phases.iter().map(|phase| phase.errors[i])))
             })
@@ -89,8 +89,7 @@ impl Values {
     /// Computes what older logs do not state from what they do.
     fn completed(mut self) -> Self {
         let [_, pitch, roll] = self.angles_deg();
-        let forces = &self.numbers[FORCE.start()..][..3 * FLAGELLA];
-        let thrust = forces.chunks(3).map(|force| force[2]).sum();
+        let thrust = self.parts(&FORCE).chunks(3).map(|force| force[2]).sum();
         for (quantity, value) in [(TILT, tilt_deg(pitch, roll)), (THRUST, thrust)] {
             let number = &mut self.numbers[quantity.start()];
             *number = if number.is_nan() { value } else { *number };
