@@ -8,7 +8,7 @@ use host::export::{Format, export_log};
 use host::plan::{Plan, board};
 use host::run::{self, Recorder};
 use host::session::Session;
-use host::trial::{Data, Want, Zeroed};
+use host::trial::{Judged, Want};
 use proptest::prelude::*;
 use protocol::units::{Count, Micros};
 use protocol::{Info, Settings, Telemetry};
@@ -118,7 +118,7 @@ fn abuse(folder: &Path, content: &[u8]) {
     let ended = summary(&path).unwrap();
     last_meta::<biflag_log::RecoveryMeta>(&path).unwrap();
     let Ok((messages, frames, condition)) = read(&path) else {
-        assert!(check(&path).is_err() && Data::read(&path, Want::default()).is_err());
+        assert!(check(&path).is_err() && Judged::read(&path, Want::default()).is_err());
         assert!(recover(&path, &clean).is_err() && !clean.exists(), "no file is created from a file that is not a log");
         assert!(export_log(&path, &csv, Format::Csv, false).is_err() && !csv.exists());
         return;
@@ -126,9 +126,8 @@ fn abuse(folder: &Path, content: &[u8]) {
     let losses = check(&path).unwrap();
     assert_eq!(losses.is_empty(), condition == Condition::Clean);
     assert!(condition != Condition::Clean || ended.is_some());
-    let data = Data::read(&path, Want { forces: true, shapes: 10, hash: true }).unwrap();
+    let data = Judged::read(&path, Want { forces: true, shapes: 10, hash: true }).unwrap().data;
     assert_eq!((data.condition, &data.losses, data.link.samples), (condition, &losses, frames.len() as u64));
-    Zeroed::new(&data);
     assert!(frames.iter().all(|seq| *seq < u32::from(FRAMES)), "a frame that was never written");
 
     let exported = export_log(&path, &csv, Format::Csv, false).unwrap();

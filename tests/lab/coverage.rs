@@ -10,7 +10,7 @@
 
 use biflag_log::MeasuredSensorMeta;
 use host::plan::Phases;
-use host::trial::Zeroed;
+use host::trial::Judged;
 use sim::params::Robot;
 use std::time::Instant;
 use tests::synthetic_rig::{Lot, Motion, Part, Random, Rig, Start, each};
@@ -39,7 +39,7 @@ fn trial(motion: &Motion, case: &Case, (part, measured): &(Part, MeasuredSensorM
         start: case.start,
     };
     let recording = rig.record(motion, &mut Random(seed ^ 0x7472_6961_6c00));
-    let zeroed = Zeroed::new(&recording.data);
+    let zeroed = Judged::of(recording.data.clone()).angles;
     let (Some(steady), Some(angles)) = (&zeroed.steady, zeroed.angles()) else { return [None; 3] };
     let truth = recording.truth_deg(&steady.window);
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];

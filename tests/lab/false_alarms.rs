@@ -7,7 +7,7 @@
 
 use biflag_log::BoardMeta;
 use host::plan::Phases;
-use host::trial::{Judgement, Repeat, Zeroed, scatter_of_repeats};
+use host::trial::{Judged, Judgement, Repeat, scatter_of_repeats};
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
 use std::time::Instant;
@@ -37,10 +37,10 @@ fn rig(seed: usize) -> Rig {
 }
 
 fn against_model(rigs: &[Rig], truth: &Motion, model: &Motion) -> Vec<Comparison> {
-    let model = model.model(&Phases::default());
+    let model = Judged::of(model.model(&Phases::default()));
     each(rigs.len(), |i| {
         let recording = rigs[i].record(truth, &mut Random(17_000 + i as u64));
-        compare(&recording.data, &model, OnMismatch::Warn).expect("comparable trials").comparison
+        compare(&Judged::of(recording.data), &model, OnMismatch::Warn).expect("comparable trials").comparison
     })
 }
 
@@ -52,7 +52,7 @@ fn against_each_other(rigs: &[Rig], truth: &Motion, is_one_sensor: bool) -> Vec<
         let [one, other] = [i, other].map(|rig| {
             let mut log = Rig { measured: None, ..rigs[rig].clone() }.record(truth, &mut random).data;
             log.records.board = Some(BoardMeta { board_id: rig as u16 + 1, ..BoardMeta::default() });
-            log
+            Judged::of(log)
         });
         compare(&one, &other, OnMismatch::Warn).expect("comparable trials").comparison
     })
@@ -96,10 +96,7 @@ fn transients(all: &[Comparison]) -> String {
 fn scatter(rigs: &[Rig], truth: &Motion) -> String {
     let judged = each(rigs.len(), |i| {
         let mut random = Random(37_000 + i as u64);
-        let repeat = |_| {
-            let data = rigs[i].record(truth, &mut random).data;
-            Repeat::new(&data, &Zeroed::new(&data)).expect("a measured trial")
-        };
+        let repeat = |_| Repeat::new(&Judged::of(rigs[i].record(truth, &mut random).data)).expect("a measured trial");
         let trials: Vec<Repeat> = (0..REPEATS).map(repeat).collect();
         let [set] = scatter_of_repeats(trials.iter()).try_into().expect("one set");
         set.angles

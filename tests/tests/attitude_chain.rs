@@ -3,7 +3,7 @@
 
 use biflag_log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
 use host::attitude::tilt_deg;
-use host::trial::{Data, Want, Zeroed};
+use host::trial::{Data, Judged, Want, Zeroed};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Mutex;
@@ -57,8 +57,7 @@ fn errors(bench: &Bench, trial: &Value) -> Errors {
             _ => {}
         }
     }
-    let data = Data::read(&log, Want::default()).unwrap();
-    let zeroed = Zeroed::new(&data);
+    let Judged { data, angles: zeroed, .. } = Judged::read(&log, Want::default()).unwrap();
     let number = |key: String| trial[&key].as_f64().unwrap_or(f64::NAN);
     // As the reported angles: over the steady window, the yaw from the last second before the run on.
     let (window, run_s) = (zeroed.steady.as_ref().unwrap().window.clone(), data.times.run.start);

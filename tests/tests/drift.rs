@@ -3,7 +3,7 @@
 
 use host::attitude::{Drift, Rest, Series, student_95};
 use host::sensor::Sensor;
-use host::trial::{Data, Want};
+use host::trial::{Judged, Want};
 use std::path::Path;
 use tests::{Bench, data};
 
@@ -11,7 +11,7 @@ const RUN_S: f64 = 330.0;
 
 /// Returns the attitude during the run as sent by the board.
 fn attitude(log: &Path) -> Series {
-    let data = Data::read(log, Want::default()).unwrap();
+    let data = Judged::read(log, Want::default()).unwrap().data;
     let start = data.times.run.start;
     let mut series = Series::default();
     for (time_s, reading) in data.readings.iter().filter(|(time_s, _)| *time_s >= start) {

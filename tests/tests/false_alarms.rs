@@ -1,6 +1,7 @@
 //! How often a comparison finds a difference where there is none. The example `false_alarms` prints more.
 
 use host::plan::Phases;
+use host::trial::Judged;
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
 use tests::synthetic_rig::{Lot, Motion, Part, Random, Rig, Start, each};
@@ -19,13 +20,13 @@ fn same_robot_differs_by_chance_alone() {
     let mut all = Vec::new();
     for (i, rpm) in points.into_iter().enumerate() {
         let motion = Motion::of(&Robot::default(), rpm, phases.run_s);
-        let model = motion.model(&phases);
+        let model = Judged::of(motion.model(&phases));
         let of_point = each(TRIALS, |seed| {
             let mut random = Random((31_000 + 1_000 * i + seed) as u64);
             let part = Part::of(Lot::Typical, &mut random);
             let measured = Some(part.measured(&mut random));
             let recording = Rig { part, measured, phases, start: Start::AtRest }.record(&motion, &mut random);
-            compare(&recording.data, &model, OnMismatch::Warn).unwrap().comparison
+            compare(&Judged::of(recording.data), &model, OnMismatch::Warn).unwrap().comparison
         });
         println!("{rpm:?} rpm: {:?} % of yaw, pitch, roll", alarms(&of_point));
         all.extend(of_point);

@@ -1,6 +1,6 @@
 //! Rest is measured: a plan without time to come to rest gives angles within their ± of the truth of the emulated robot.
 
-use host::trial::{Data, Want, Zeroed};
+use host::trial::{Judged, Want};
 use serde_json::Value;
 use std::path::Path;
 use tests::Bench;
@@ -17,8 +17,7 @@ fn plan(bench: &Bench, trial: &str, pairs: &str) -> String {
 
 /// Returns the errors of yaw, pitch and roll against the truth in the log, and their stated uncertainties.
 fn errors(log: &Path) -> [(f64, Option<f64>); 3] {
-    let data = Data::read(log, Want::default()).unwrap();
-    let zeroed = Zeroed::new(&data);
+    let Judged { data, angles: zeroed, .. } = Judged::read(log, Want::default()).unwrap();
     let (steady, angles) = (zeroed.steady.as_ref().unwrap(), zeroed.angles().unwrap());
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
     std::array::from_fn(|k| {

@@ -1,7 +1,7 @@
 //! The commands that measure the sensor, and what plans and logs make of the file.
 
 use biflag_log::Origin;
-use host::trial::{Data, Want};
+use host::trial::{Judged, Want};
 use std::io::{BufRead, BufReader};
 use tests::{Bench, Run, data, expect_error, logs, nano};
 
@@ -32,8 +32,8 @@ fn the_emulated_hand_measures_an_axis_and_the_log_of_a_trial_has_it() {
     let run = bench.run(arguments.into_iter().chain(["--json"])).expect_code(0).json();
     println!("{run}");
     let log = bench.path().join(run["log"].as_str().unwrap());
-    let truth = Data::read(&log, Want::default()).unwrap().records.sensor.unwrap();
-    assert_eq!(Data::read(&log, Want::default()).unwrap().origin(), Origin::VirtualRig);
+    let truth = Judged::read(&log, Want::default()).unwrap().data.records.sensor.unwrap();
+    assert_eq!(Judged::read(&log, Want::default()).unwrap().data.origin(), Origin::VirtualRig);
     let expected = truth.gyro_scale[0];
     let [scale, u] = ["scale", "scale_u"].map(|key| run["sensor"][key][0].as_f64().unwrap());
     println!("{scale} ± {u}, true {expected}");
@@ -46,7 +46,7 @@ fn the_emulated_hand_measures_an_axis_and_the_log_of_a_trial_has_it() {
         bench.run(all.iter().chain(arguments))
     };
     record(&["--out", "session"]).expect_code(0);
-    let recorded = Data::read(&logs(&bench.path().join("session"))[0], Want::default()).unwrap();
+    let recorded = Judged::read(&logs(&bench.path().join("session"))[0], Want::default()).unwrap().data;
     assert_eq!(recorded.records.measured_sensor.as_ref().unwrap().name, "sensor.toml");
     let known = recorded.sensor().gyro_scale;
     assert!((known[0].value - scale).abs() < 1e-4 && (known[0].u - u).abs() < 1e-4, "{known:?}");
@@ -91,7 +91,7 @@ fn the_file_names_the_board_that_it_was_measured_on() {
     };
     let alone = record(&PLAN.replace("sensor = \"sensor.toml\"\n", ""), "alone");
     assert!(alone.stderr.contains("those that the board keeps, measured on 20"), "{}", alone.stderr);
-    let recorded = Data::read(&logs(&bench.path().join("alone"))[0], Want::default()).unwrap();
+    let recorded = Judged::read(&logs(&bench.path().join("alone"))[0], Want::default()).unwrap().data;
     assert_eq!(recorded.records.measured_sensor.as_ref().unwrap().name, "the board");
     let u = run["sensor"]["scale_u"][2].as_f64().unwrap();
     let known = recorded.sensor().gyro_scale;

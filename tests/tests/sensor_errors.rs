@@ -2,7 +2,7 @@
 
 use biflag_log::MeasuredSensorMeta;
 use host::plan::Phases;
-use host::trial::{Budget, Zeroed};
+use host::trial::{Budget, Judged};
 use sim::params::Robot;
 use tests::synthetic_rig::{Motion, Part, Random, Rig, Start, each, known_but_for};
 
@@ -32,7 +32,7 @@ fn errors() -> Vec<(&'static str, String, f64)> {
 /// budget.
 fn angles(motion: &Motion, part: &Part, known: MeasuredSensorMeta, phases: &Phases) -> ([f64; 3], [f64; 3]) {
     let rig = Rig { part: part.clone(), measured: Some(known), phases: *phases, start: Start::AtRest };
-    let zeroed = Zeroed::new(&rig.record(motion, &mut Random(77)).data);
+    let zeroed = Judged::of(rig.record(motion, &mut Random(77)).data).angles;
     let steady = zeroed.steady.expect("a run");
     let [pitch, roll, _] = steady.tilt.expect("a rest");
     (steady.angles_deg, [steady.yaw.expect("a rest"), pitch, roll].map(|budget: Budget| budget.sensor_u_deg()))

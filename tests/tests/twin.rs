@@ -1,7 +1,7 @@
 //! End-to-end tests of replay, comparison and calibration, with trials recorded from the simulated robot through the
 //! real firmware.
 
-use host::trial::{Data, Want};
+use host::trial::{Judged, Want};
 use serde_json::Value;
 use sim::params::{Robot, Tank};
 use std::path::Path;
@@ -27,7 +27,7 @@ fn errors(compared: &Value) -> [f64; 4] {
 
 /// Returns the true yaw, pitch and roll at the end of the run, relative to the rest before it.
 fn steady_truth(log: &Path) -> [f64; 3] {
-    let data = Data::read(log, Want::default()).unwrap();
+    let data = Judged::read(log, Want::default()).unwrap().data;
     let (start, end) = (data.times.run.start, data.times.run.end);
     let mean = |k: usize, range| data.truth.track(k).mean(range).unwrap();
     [0, 1, 2].map(|k| mean(k, end - 12.0..end) - mean(k, start - 1.0..start))

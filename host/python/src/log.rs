@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use study::export::table::{self, Summary};
 use study::plan::RobotFile;
 use study::session::{Attempt, Session, SessionError, TrialState};
-use study::trial::{Repeat, Want, Zeroed, findings, scatter_of_repeats};
+use study::trial::{Judged, Repeat, Want, scatter_of_repeats};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
 const SHAPES: usize = 15_000;
@@ -28,19 +28,17 @@ const SHAPES: usize = 15_000;
 pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let want = Want { forces: true, shapes: SHAPES, hash: false };
     let read = |_: &_| {
-        let data = Attempt::of_log(&path).read(want).map_err(|error| Failure::of_file(&path, &error))?;
-        let zeroed = Zeroed::new(&data);
-        let rows = table::trial(&data, &zeroed);
-        Ok((data, zeroed, rows))
+        let trial = Attempt::of_log(&path).read(want).map_err(|error| Failure::of_file(&path, &error))?;
+        let rows = table::trial(&trial);
+        Ok((trial, rows))
     };
-    let (data, zeroed, rows) = interruptible(py, read)?;
+    let (Judged { data, angles: zeroed, findings: found }, rows) = interruptible(py, read)?;
     let (trial, run_s) = (data.trial(), data.times.run.start);
     let dict = PyDict::new(py);
     dict.set_item("name", trial.name)?;
     dict.set_item("speeds_rpm", (trial.w1_rpm, trial.w2_rpm))?;
     dict.set_item("origin", data.origin().name())?;
     dict.set_item("complete", data.is_complete())?;
-    let found = findings(&data, &zeroed);
     dict.set_item("warnings", found.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     dict.set_item("findings", json::record(py, &found)?)?;
     dict.set_item("columns", columns(py, &rows)?)?;
@@ -127,8 +125,8 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
         let (session, states) = opened(&path)?;
         let read = |state: &TrialState| {
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
-            let data = attempt.read(Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
-            Some(data.map(|data| Summary::new(&state.trial, &data, &Zeroed::new(&data), String::new())))
+            let judged = attempt.read(Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
+            Some(judged.map(|judged| Summary::new(&state.trial, judged, String::new())))
         };
         let read: Vec<_> = states.par_iter().filter_map(read).collect();
         let unreadable: Vec<String> = read.iter().filter_map(|one| one.as_ref().err().cloned()).collect();
@@ -149,10 +147,7 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
 pub fn session_repeats(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let repeats = interruptible(py, |_| {
         let (_, states) = opened(&path)?;
-        let read = |state: &TrialState| {
-            let data = state.complete()?.read(Want::default()).ok()?;
-            Repeat::new(&data, &Zeroed::new(&data))
-        };
+        let read = |state: &TrialState| Repeat::new(&state.complete()?.read(Want::default()).ok()?);
         let trials: Vec<Repeat> = states.par_iter().filter_map(read).collect();
         Ok(scatter_of_repeats(trials.iter()))
     })?;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use study::plan::RobotFile;
 use study::session::{Attempt, Session, Sharing};
-use study::trial::{Data, Want};
+use study::trial::{Judged, Want};
 use study::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
 use study::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
 
@@ -76,7 +76,7 @@ type Comparisons = (twin::SessionComparison, Vec<Vec<twin::Point>>);
 
 fn sessions(measured: &Path, modelled: &Path, on_mismatch: OnMismatch, jobs: usize) -> Result<Comparisons, TwinError> {
     let pairs = Pairs::of(measured, modelled)?;
-    let points = |_: &Data, _: &Data, compared: &Compared| compared.points.clone();
+    let points = |_: &Judged, _: &Judged, compared: &Compared| compared.points.clone();
     twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &points)
 }
 
@@ -90,8 +90,8 @@ fn replays(
     let folder = source.replay_folder();
     let session = Session::resume(&folder, &source.plan)?;
     let _lock = session.lock(Sharing::Alone)?;
-    let compare = |replayed: &Replayed, a: Data| {
-        let b = Data::read(&replayed.log, Want::default())?;
+    let compare = |replayed: &Replayed, a: Judged| {
+        let b = Judged::read(&replayed.log, Want::default())?;
         let Compared { comparison, points, .. } = twin::compare(&a, &b, on_mismatch)?;
         Ok((comparison, points))
     };

@@ -8,7 +8,7 @@ use crate::report::{self, ByteBudget, Kind, View};
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::text::{count, decimal, signed};
-use crate::trial::{Data, Want};
+use crate::trial::{Judged, Want};
 use crate::twin::{
     self, AngleComparison, Comparison, OnMismatch, Pairs, Replayed, SessionAngle, SessionComparison, Source,
 };
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let budget = report::budget(&args.a)?;
     let (comparison, views, notes) = match &args.b {
         Some(b) => {
-            let view = |a: &Data, b: &Data, compared: &_| View::new(a, Some((compared, b)), budget);
+            let view = |a: &Judged, b: &Judged, compared: &_| View::new(a, Some((compared, b)), budget);
             let pairs = Pairs::of(&args.a, b)?;
             let (comparison, views) = twin::compare_pairs(&pairs, report::want(budget), on_mismatch, jobs, &view)?;
             (comparison, views, Vec::new())
@@ -130,10 +130,10 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     let session = Session::resume(&folder, &source.plan)?;
     let _lock = session.lock(Sharing::Alone)?;
     let want = report::want(budget);
-    let compare = |replayed: &Replayed, a: Data| {
+    let compare = |replayed: &Replayed, a: Judged| {
         // The page shows the shapes and the forces of the replay if the recording has none.
-        let shapes = if a.shapes.is_empty() { want.shapes } else { 0 };
-        let b = Data::read(&replayed.log, Want { shapes, forces: a.forces.is_empty(), ..want })?;
+        let shapes = if a.data.shapes.is_empty() { want.shapes } else { 0 };
+        let b = Judged::read(&replayed.log, Want { shapes, forces: a.data.forces.is_empty(), ..want })?;
         let compared = twin::compare(&a, &b, on_mismatch)?;
         let view = View::new(&a, Some((&compared, &b)), budget);
         Ok((compared.comparison, view))

@@ -6,7 +6,7 @@ use super::options::{pair, span, speeds, within, written_as};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
 use crate::text::{count, decimal, printable};
-use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
+use crate::trial::{Judged, Want};
 use protocol::units::CentiRpm;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -101,18 +101,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let (states, conditions) = match &args.trial {
         None => (states, conditions),
         Some(log) => {
-            let recording = Data::read(log, Want { hash: true, ..Want::default() })?;
+            let recording = Judged::read(log, Want { hash: true, ..Want::default() })?;
             let (states, beside) = Beside::put(states, &recording, &table)?;
             let conditions =
-                Conditions { beside: Some(beside), ..conditions }.of_recording(&recording, &states, &table)?;
+                Conditions { beside: Some(beside), ..conditions }.of_recording(&recording.data, &states, &table)?;
             (states, conditions)
         }
     };
     let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &output)?;
-    let data = Data::read(&output, Want::default())?;
-    let zeroed = Zeroed::new(&data);
-    let angles = zeroed.angles();
-    let findings = LogFinding::all_of(&output, findings(&data, &zeroed));
+    let trial = Judged::read(&output, Want::default())?;
+    let (data, angles, findings) = (&trial.data, trial.steady_angles(), trial.log_findings());
     let [w1_rpm, w2_rpm] = speeds.map(CentiRpm::rpm);
     let log = output.to_string_lossy();
     let mut body = json!({

@@ -6,7 +6,7 @@ use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_being_recorded, recorded};
 use crate::text::{self, count, decimal, word};
 use crate::trial::{
-    AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings, scatter_of_repeats,
+    AngleTerm, Angles, Budget, Data, Finding, Judged, Records, Repeat, Repeats, Want, Zeroed, scatter_of_repeats,
 };
 use biflag_log::{Condition, End, LinkStats, LogError, Origin, Summary};
 use rayon::prelude::*;
@@ -32,9 +32,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn log(path: &Path) -> miette::Result<Answer> {
-    let data = Attempt::of_log(path).read(Want::default())?;
-    let zeroed = Zeroed::new(&data);
-    let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
+    let Judged { data, angles: zeroed, findings } = Attempt::of_log(path).read(Want::default())?;
+    let angles = zeroed.angles();
     let clean = data.condition.is_whole();
     let records = &data.records;
     let body = json!({
@@ -273,13 +272,12 @@ impl Row {
     fn read(mut state: TrialState) -> Result<Self, LogError> {
         while let Some(attempt) = state.complete().cloned() {
             let losses = match attempt.read(Want::default()) {
-                Ok(data) if data.losses.is_empty() => {
-                    let zeroed = Zeroed::new(&data);
-                    let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
-                    let repeat = Repeat::new(&data, &zeroed);
+                Ok(trial) if trial.data.losses.is_empty() => {
+                    let (angles, repeat) = (trial.steady_angles(), Repeat::new(&trial));
+                    let Judged { data, findings, .. } = trial;
                     return Ok(Self { state, origin: Some(data.origin()), angles, findings, link: data.link, repeat });
                 }
-                Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
+                Ok(trial) => trial.data.losses.iter().map(ToString::to_string).collect(),
                 Err(error) if error.is_of_reading() => return Err(error),
                 Err(error) => vec![error.to_string()],
             };
@@ -287,7 +285,7 @@ impl Row {
         }
         // What other commands take of a trial that is not complete, and what they say about it.
         let (origin, findings, link) = match state.attempts.last().map(|last| last.read(Want::default())) {
-            Some(Ok(data)) => (Some(data.origin()), findings(&data, &Zeroed::new(&data)), data.link),
+            Some(Ok(trial)) => (Some(trial.data.origin()), trial.findings, trial.data.link),
             Some(Err(error)) if error.is_of_reading() => return Err(error),
             Some(Err(_)) | None => (None, Vec::new(), LinkStats::default()),
         };

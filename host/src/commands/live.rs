@@ -6,7 +6,7 @@ use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::progress::Progress;
 use crate::signals::interruption;
-use crate::trial::{Data, Want};
+use crate::trial::{Judged, Want};
 use serde_json::json;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn play(log: &Path, args: &Args, interrupted: &AtomicBool) -> miette::Result<Answer> {
-    let data = Data::read(log, Want::default())?;
+    let data = Judged::read(log, Want::default())?.data;
     let live = Live::listen(args.listen)?;
     let progress = Progress::new(data.duration_s);
     progress.line(&live.invitation());

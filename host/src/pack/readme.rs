@@ -3,7 +3,7 @@
 use crate::program::FULL_VERSION;
 use crate::session::{Session, TrialState};
 use crate::text;
-use crate::trial::{Want, Zeroed, findings};
+use crate::trial::Want;
 use std::fmt::Write;
 
 /// What the session's files do not say.
@@ -40,14 +40,12 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
             line(format!("| {} | | | | not complete |", state.trial.name));
             continue;
         };
-        let Ok(data) = attempt.read(Want::default()) else {
+        let Ok(trial) = attempt.read(Want::default()) else {
             line(format!("| {} | | | | cannot be read |", state.trial.name));
             continue;
         };
-        let zeroed = Zeroed::new(&data);
-        let grave = findings(&data, &zeroed).iter().filter(|finding| finding.grave).count();
-        let angles = zeroed.angles().unwrap_or_default();
-        let remark = match grave {
+        let angles = trial.steady_angles().unwrap_or_default();
+        let remark = match trial.findings.iter().filter(|finding| finding.grave).count() {
             0 if angles.settled => String::new(),
             0 => "not settled".to_owned(),
             grave => text::count(grave, "warning"),

@@ -12,7 +12,7 @@ mod hidden;
 use biflag_log::{BoardMeta, Condition, Identity, MeasuredSensorMeta, ModelMeta, Origin};
 use hidden::{Draw, Hidden, Part};
 use host::sensor::MeasuredSensor;
-use host::trial::{Data, Zeroed};
+use host::trial::{Data, Judged};
 use host::twin::calibrate::{Calibration, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
 use sim::params::{Glycerol, Robot, Tank};
@@ -30,7 +30,7 @@ fn fit(seed: u64, speeds: &[[f64; 2]]) -> (Hidden, Calibration) {
 /// Fits parameters to trials from a robot on.
 fn fitted(start: &Robot, parameters: &[Parameter], trials: &[Data]) -> Result<Calibration, TwinError> {
     let request = Request { robot: Some(start.clone()), closure: None, parameters: parameters.to_vec(), jobs: 2 };
-    calibrate(trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect(), &request, &|| true)
+    calibrate(trials.iter().map(|trial| FitTrial::new(trial.clone()).unwrap()).collect(), &request, &|| true)
 }
 
 /// Number of intervals that contain the truth, for each parameter and for all at once.
@@ -183,7 +183,7 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         let mut modelled = measured.clone();
         measured.records.model = None;
         // A model that moves as the robot does.
-        let angles_deg = Zeroed::new(&measured).angles_deg;
+        let angles_deg = Judged::of(measured.clone()).angles.angles_deg;
         for (i, time_s) in angles_deg.time_s.iter().enumerate() {
             let [yaw, pitch, roll] = [0, 1, 2].map(|k| angles_deg.values[k][i]);
             modelled.truth.push(*time_s, [yaw, pitch, roll, 0.0, 0.0]);
@@ -191,7 +191,8 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         let parameters = toml::to_string(&robot).unwrap();
         modelled.records.model = Some(ModelMeta { parameters, ..ModelMeta::default() });
         modelled.records.identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
-        let compared = compare(&measured, &modelled, OnMismatch::Accept).unwrap().comparison;
+        let compared =
+            compare(&Judged::of(measured.clone()), &Judged::of(modelled), OnMismatch::Accept).unwrap().comparison;
         let of_compare =
             compared.pitch.model_error_deg.unwrap() / compared.pitch.modelled_deg.hypot(compared.roll.modelled_deg);
         let fit = fitted(&robot, &[Parameter::Righting], &[measured]).unwrap();

@@ -39,7 +39,7 @@ use study::output::{OutputError, replace};
 use study::plan::{PlanError, robot};
 use study::run::model::has_phases;
 use study::session::{Attempt, Session, SessionError, TrialState};
-use study::trial::{AtSpeeds, Data, FindingKind, LogFinding, Want, Zeroed, findings, mean_of_repeats};
+use study::trial::{AtSpeeds, FindingKind, Judged, LogFinding, Want, mean_of_repeats};
 use study::twin::{self, Compared, Maker, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
 
@@ -254,16 +254,17 @@ pub fn trial(
     time_s: Option<[f64; 2]>,
     width_mm: f64,
 ) -> Result<Figure, FigureError> {
-    let data = subject.log()?.read(Want { hash: true, ..Want::default() })?;
-    let mut logs = vec![Provenance::log(&data)];
+    let own = subject.log()?.read(Want { hash: true, ..Want::default() })?;
+    let mut logs = vec![Provenance::log(&own.data)];
     let compared = match against {
         Some(path) => {
             let other = Subject { path, number: subject.number.filter(|_| path.is_dir()) };
             let other = other.log()?.read(Want { hash: true, ..Want::default() })?;
-            logs.push(Provenance::log(&other));
+            logs.push(Provenance::log(&other.data));
             // The user may have replayed the trial with another robot.
-            let on_mismatch = if twin::is_replay_of(&other, &data) { OnMismatch::Accept } else { on_mismatch(anyway) };
-            Some(twin::compare(&data, &other, on_mismatch)?)
+            let is_replay = twin::is_replay_of(&other.data, &own.data);
+            let on_mismatch = if is_replay { OnMismatch::Accept } else { on_mismatch(anyway) };
+            Some(twin::compare(&own, &other, on_mismatch)?)
         }
         None => None,
     };
@@ -271,14 +272,16 @@ pub fn trial(
         Some(Compared { comparison, .. }) => {
             Remarks { findings: comparison.findings.clone(), warnings: comparison.warnings.clone() }
         }
-        None => Remarks { findings: of_data(&data), warnings: Vec::new() },
+        None => Remarks::of(&own),
     };
-    let provenance = Provenance::new(format!("Yaw, pitch and roll of trial {}", data.trial().name), logs);
-    Ok(Figure { svg: trial::draw(&data, compared.as_ref(), time_s, width_mm)?, provenance, remarks })
+    let provenance = Provenance::new(format!("Yaw, pitch and roll of trial {}", own.data.trial().name), logs);
+    Ok(Figure { svg: trial::draw(&own, compared.as_ref(), time_s, width_mm)?, provenance, remarks })
 }
 
-fn of_data(data: &Data) -> Vec<LogFinding> {
-    LogFinding::all_of(&data.path, findings(data, &Zeroed::new(data)))
+impl Remarks {
+    fn of(trial: &Judged) -> Self {
+        Self { findings: trial.log_findings(), warnings: Vec::new() }
+    }
 }
 
 /// Draws the forces of both flagella on the base over a trial of the model; `time_s` as in [`trial`].
@@ -286,11 +289,12 @@ fn of_data(data: &Data) -> Vec<LogFinding> {
 /// # Errors
 /// [`FigureError`].
 pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
-    let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let own = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let data = &own.data;
     let title = format!("Forces of both flagella in trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    let remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
-    Ok(Figure { svg: forces::draw(&data, time_s, width_mm)?, provenance, remarks })
+    let provenance = Provenance::new(title, [Provenance::log(data)]);
+    let remarks = Remarks::of(&own);
+    Ok(Figure { svg: forces::draw(data, time_s, width_mm)?, provenance, remarks })
 }
 
 /// Draws gap and winding of the flagella of a modelled trial, and when they touch; `time_s` as in [`trial`].
@@ -298,11 +302,12 @@ pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
 /// # Errors
 /// [`FigureError`].
 pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
-    let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let own = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let data = &own.data;
     let title = format!("Gap and winding of the flagella in trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    let remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
-    Ok(Figure { svg: contact::draw(&data, time_s, width_mm)?, provenance, remarks })
+    let provenance = Provenance::new(title, [Provenance::log(data)]);
+    let remarks = Remarks::of(&own);
+    Ok(Figure { svg: contact::draw(data, time_s, width_mm)?, provenance, remarks })
 }
 
 /// Draws the robot at `moments` times of a trial, side by side; `time_s` as in [`trial`], by default the run.
@@ -310,11 +315,12 @@ pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Res
 /// # Errors
 /// [`FigureError`].
 pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_mm: f64) -> Result<Figure, FigureError> {
-    let data = subject.log()?.read(Want { shapes: usize::MAX, hash: true, ..Want::default() })?;
+    let own = subject.log()?.read(Want { shapes: usize::MAX, hash: true, ..Want::default() })?;
+    let data = &own.data;
     let title = format!("The robot at {moments} moments of trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(&data)]);
-    let svg = strip::draw(&data, time_s, moments, width_mm)?;
-    let mut remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
+    let provenance = Provenance::new(title, [Provenance::log(data)]);
+    let svg = strip::draw(&own, time_s, moments, width_mm)?;
+    let mut remarks = Remarks::of(&own);
     if data.shapes.is_empty() {
         remarks.warnings.push(
             "the log has no shapes of the flagella: rigid helices turn with the motors; `biflag simulate --shapes` writes shapes"
@@ -432,8 +438,9 @@ pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -
     let jobs = rayon::current_num_threads();
     let on_mismatch = of_sessions(measured, predicted, anyway)?;
     let want = Want { hash: true, ..Want::default() };
-    let (comparison, logs) =
-        twin::compare_pairs(&pairs, want, on_mismatch, jobs, &|a, b, _| [a, b].map(Provenance::log))?;
+    let (comparison, logs) = twin::compare_pairs(&pairs, want, on_mismatch, jobs, &|a, b, _| {
+        [a, b].map(|trial| Provenance::log(&trial.data))
+    })?;
     let provenance = Provenance::new("Predicted against measured steady angles", logs.into_iter().flatten());
     let svg = scatter::draw(&comparison.trials, width_mm);
     let warned = comparison.trials.iter().flat_map(|trial| trial.warnings.iter().map(move |text| (&trial.name, text)));
@@ -450,23 +457,22 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
     remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned().chain(session.missing(&states)));
     let attempts: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
     let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
-        let data = match log.read(Want { hash: true, ..Want::default() }) {
+        let trial = match log.read(Want { hash: true, ..Want::default() }) {
             // What is no log is no point of the map either.
             Err(error) if state.complete().is_none() && !error.is_of_reading() => {
                 return Ok((None, Vec::new(), None, None));
             }
-            data => data?,
+            trial => trial?,
         };
-        let zeroed = Zeroed::new(&data);
-        let found = LogFinding::all_of(&data.path, findings(&data, &zeroed));
+        let (data, found) = (&trial.data, trial.log_findings());
         let speeds_rpm = state.trial.final_speeds().map(CentiRpm::rpm);
         // A trial that did not end as planned has no steady angles; its findings say so.
-        let angles = zeroed.angles().filter(|_| state.complete().is_some());
+        let angles = trial.steady_angles().filter(|_| state.complete().is_some());
         let is_settled = !found.iter().any(|of_log| of_log.finding.kind == FindingKind::Window);
         let angles =
             angles.map(|a| AtSpeeds::of_trial(speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], is_settled, ()));
-        let log = angles.is_some().then(|| Provenance::log(&data));
-        let maker = angles.as_ref().and_then(|_| Maker::of(&data).ok());
+        let log = angles.is_some().then(|| Provenance::log(data));
+        let maker = angles.as_ref().and_then(|_| Maker::of(data).ok());
         Ok((angles, found, log, maker.map(|maker| (maker, data.origin()))))
     };
     let (mut trials, mut unknown, mut first) = (Vec::new(), Vec::new(), None);

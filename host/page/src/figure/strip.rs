@@ -4,7 +4,7 @@ use super::FigureError;
 use super::sheet::{Anchor, FONT_PT, MM, Sheet};
 use crate::film::{Moving, Seen, shown};
 use study::text::decimal;
-use study::trial::{Data, Zeroed};
+use study::trial::Judged;
 
 /// Gap between two pictures.
 const GAP_MM: f64 = 1.0;
@@ -26,14 +26,14 @@ const HAZE: f64 = 0.45;
 /// # Errors
 /// [`FigureError::Nothing`] if no sample lies in the time; [`FigureError::Film`] if the log's robot is wrong.
 pub(super) fn draw(
-    data: &Data,
+    trial: &Judged,
     time_s: Option<[f64; 2]>,
     moments: usize,
     width_mm: f64,
 ) -> Result<String, FigureError> {
-    let zeroed = Zeroed::new(data);
-    let span = shown(&zeroed, time_s).ok_or_else(|| FigureError::Nothing { path: data.path.clone() })?;
-    let moving = Moving::new(data, &zeroed, CAMERA_PX)?;
+    let Judged { data, angles: zeroed, .. } = trial;
+    let span = shown(zeroed, time_s).ok_or_else(|| FigureError::Nothing { path: data.path.clone() })?;
+    let moving = Moving::new(data, zeroed, CAMERA_PX)?;
     let share = |i: usize| i as f64 / (moments - 1).max(1) as f64;
     let times: Vec<f64> = (0..moments).map(|i| span.start + (span.end - span.start) * share(i)).collect();
     let pictures: Vec<Vec<Seen>> = times.iter().map(|time_s| moving.seen(*time_s)).collect();

@@ -3,7 +3,7 @@
 use super::FigureError;
 use super::panel::{Axis, Panel};
 use super::sheet::{MEASURED, MM, MODEL, Sheet, Stroke};
-use study::trial::Data;
+use study::trial::Judged;
 use study::twin::Compared;
 
 const ANGLES: [&str; 3] = ["Yaw ψ (°)", "Pitch θ (°)", "Roll φ (°)"];
@@ -29,12 +29,13 @@ struct Sample {
 /// # Errors
 /// [`FigureError::Nothing`] if no sample lies in the time.
 pub(super) fn draw(
-    data: &Data,
+    trial: &Judged,
     compared: Option<&Compared>,
     time_s: Option<[f64; 2]>,
     width_mm: f64,
 ) -> Result<String, FigureError> {
-    let mut samples = samples(data, compared);
+    let data = &trial.data;
+    let mut samples = samples(trial, compared);
     samples.retain(|sample| time_s.is_none_or(|[from, to]| (from..=to).contains(&sample.time_s)));
     if samples.is_empty() {
         return Err(FigureError::Nothing { path: data.path.clone() });
@@ -107,8 +108,8 @@ pub(super) fn draw(
     Ok(sheet.svg(top + 5.0 * MM))
 }
 
-fn samples(data: &Data, compared: Option<&Compared>) -> Vec<Sample> {
-    let zeroed = Compared::measured_or_own(compared, data);
+fn samples(trial: &Judged, compared: Option<&Compared>) -> Vec<Sample> {
+    let Judged { data, angles: zeroed, .. } = trial;
     // The band of pitch and roll is that of a mean over 2 s at the end of the run, the shortest time whose noise is known.
     // The angles of a model have no uncertainty.
     let last = zeroed.run.end - 2.0..zeroed.run.end;

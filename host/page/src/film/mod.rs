@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use study::output::{self, OutputError};
 use study::plan::PlanError;
 use study::session::Attempt;
-use study::trial::{LogFinding, Want, Zeroed, findings};
+use study::trial::{Judged, LogFinding, Want, Zeroed};
 use thiserror::Error;
 
 /// Time between two frames, s: the least that all browsers show of a GIF, and a whole number of its hundredths.
@@ -131,17 +131,17 @@ impl Frames<'_> {
 /// [`FilmError`].
 pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, usize)) -> Result<Film, FilmError> {
     let is_webm = output::ending(out, &["gif", "webm"])? == 1;
-    let data = Attempt::of_log(log).read(Want { shapes: usize::MAX, ..Want::default() })?;
-    let zeroed = Zeroed::new(&data);
+    let trial = Attempt::of_log(log).read(Want { shapes: usize::MAX, ..Want::default() })?;
+    let Judged { data, angles: zeroed, .. } = &trial;
     let nothing = || FilmError::Nothing { path: log.to_owned() };
-    let span = shown(&zeroed, options.time_s).ok_or_else(nothing)?;
+    let span = shown(zeroed, options.time_s).ok_or_else(nothing)?;
     let count = ((span.end - span.start) / (options.speed * FRAME_S)).ceil().max(1.0);
     if count > MAX_FRAMES as f64 {
         return Err(FilmError::Long { frames: count as usize });
     }
     let count = count as usize;
     let frames = Frames {
-        scene: Scene::new(&data, &zeroed, span.clone(), options.width)?,
+        scene: Scene::new(data, zeroed, span.clone(), options.width)?,
         times: (0..count).map(|i| span.start + i as f64 * options.speed * FRAME_S).collect(),
         drawn,
     };
@@ -162,7 +162,7 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         frames: count,
         duration_s: count as f64 * FRAME_S,
         has_shapes: !data.shapes.is_empty(),
-        findings: LogFinding::all_of(&data.path, findings(&data, &zeroed)),
+        findings: trial.log_findings(),
     })
 }
 

@@ -11,7 +11,7 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{AngleTerm, Angles, Data, Event, FindingKind, LogFinding, Records, Repeat, findings};
+use study::trial::{AngleTerm, Angles, Event, FindingKind, Judged, LogFinding, Records, Repeat};
 use study::twin::{Compared, Comparison};
 
 /// The steady angles of a trial.
@@ -83,22 +83,23 @@ pub struct View {
 
 impl View {
     /// Fits a trial into `budget`, beside the trial that it is compared with.
-    pub fn new(data: &Data, compared: Option<(&Compared, &Data)>, budget: ByteBudget) -> Self {
-        let zeroed = Compared::measured_or_own(compared.map(|(compared, _)| compared), data);
+    pub fn new(trial: &Judged, compared: Option<(&Compared, &Judged)>, budget: ByteBudget) -> Self {
+        let Judged { data, angles: zeroed, .. } = trial;
+        let compared = compared.map(|(compared, other)| (compared, &other.data));
         let other = compared.map(|(_, other)| other);
         let comparison = compared.map(|(compared, _)| &compared.comparison);
-        let (trial, angles) = (data.trial(), zeroed.angles());
+        let (own, angles) = (data.trial(), zeroed.angles());
         let mut view = Self {
-            name: trial.name,
-            speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
+            name: own.name,
+            speeds_rpm: [own.w1_rpm, own.w2_rpm],
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
             budget: zeroed.steady.as_ref().map_or_else(Vec::new, study::trial::Steady::budget),
-            repeat: Repeat::new(data, &zeroed),
-            warnings: warnings(data, &zeroed, comparison),
+            repeat: Repeat::new(trial),
+            warnings: warnings(trial, comparison),
             findings: match comparison {
                 Some(comparison) => comparison.findings.clone(),
-                None => LogFinding::all_of(&data.path, findings(data, &zeroed)),
+                None => trial.log_findings(),
             },
             events: most_important(data.events.clone(), budget.events()),
             more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
@@ -116,7 +117,7 @@ impl View {
             model_robot: other.and_then(|other| ModelRobot::new(&other.records)),
         };
         if budget.is_enough() {
-            (view.data, view.curves) = Curves::fit(data, &zeroed, compared, budget);
+            (view.data, view.curves) = Curves::fit(data, zeroed, compared, budget);
             view.data["own"] = view.own_name().into();
             view.data["other"] = view.other_name().into();
         }

@@ -2,7 +2,7 @@
 
 use super::text::clip;
 use study::text::capitalised;
-use study::trial::{Data, Finding, Zeroed, findings};
+use study::trial::{Finding, Judged};
 use study::twin::Comparison;
 
 /// A warning on the page.
@@ -31,10 +31,9 @@ impl Warning {
 }
 
 /// Returns the warnings of a trial, and of its comparison.
-pub(super) fn warnings(data: &Data, zeroed: &Zeroed, comparison: Option<&Comparison>) -> Vec<Warning> {
-    let own = findings(data, zeroed);
-    let mut warnings: Vec<Warning> = own.iter().map(|finding| Warning::of(finding, None)).collect();
-    let path = data.path.to_string_lossy();
+pub(super) fn warnings(trial: &Judged, comparison: Option<&Comparison>) -> Vec<Warning> {
+    let mut warnings: Vec<Warning> = trial.findings.iter().map(|finding| Warning::of(finding, None)).collect();
+    let path = trial.data.path.to_string_lossy();
     for of_log in comparison.iter().flat_map(|comparison| &comparison.findings).filter(|of_log| of_log.log != path) {
         warnings.push(Warning::of(&of_log.finding, Some(&of_log.log)));
     }

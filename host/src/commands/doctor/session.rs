@@ -3,7 +3,7 @@
 use super::super::findings::finding_line;
 use super::check::{Check, Finding, check};
 use crate::session::{Session, TrialState, recorded};
-use crate::trial::{LogFinding, Want, Zeroed, findings};
+use crate::trial::{LogFinding, Want};
 use biflag_log::End;
 use rayon::prelude::*;
 use std::path::Path;
@@ -24,8 +24,8 @@ pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFindin
 
 /// Returns the findings about the logs of a trial. What cannot be read at all is told by [`trial`].
 fn found(state: &TrialState) -> Vec<LogFinding> {
-    let data = state.best().and_then(|attempt| attempt.read(Want::default()).ok());
-    let of_log = data.map(|data| LogFinding::all_of(&data.path, findings(&data, &Zeroed::new(&data))));
+    let trial = state.best().and_then(|attempt| attempt.read(Want::default()).ok());
+    let of_log = trial.map(|trial| trial.log_findings());
     of_log.into_iter().flatten().chain(state.left_out.iter().cloned()).collect()
 }
 

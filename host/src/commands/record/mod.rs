@@ -19,7 +19,7 @@ use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, Vir
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
 use crate::text;
-use crate::trial::{LogFinding, Want, Zeroed, findings};
+use crate::trial::{LogFinding, Want};
 use biflag_log::{BoardMeta, Origin};
 use miette::Report;
 use protocol::Command;
@@ -288,10 +288,10 @@ impl Recorded {
                 continue;
             };
             let summary = attempt.summary.clone().unwrap_or_default();
-            let data = attempt.read(Want::default())?;
-            let zeroed = Zeroed::new(&data);
-            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), data.origin(), &summary, zeroed.angles());
-            recorded.trials.push(row.ran(data.times.run_s()).with(findings(&data, &zeroed)));
+            let trial = attempt.read(Want::default())?;
+            let (angles, data) = (trial.steady_angles(), trial.data);
+            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), data.origin(), &summary, angles);
+            recorded.trials.push(row.ran(data.times.run_s()).with(trial.findings));
         }
         Ok((recorded, todo))
     }

@@ -14,7 +14,7 @@ use crate::link::LinkError;
 use crate::plan::robot;
 use crate::session;
 use crate::signals::interruption;
-use crate::trial::{Data, Want, Zeroed, findings};
+use crate::trial::{Judged, Want};
 use biflag_log::SteerMeta;
 use course::Course;
 use output::Steered;
@@ -42,20 +42,19 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         ran => ran?,
     };
-    let data = Data::read(&log, Want::default())?;
-    let zeroed = Zeroed::new(&data);
+    let trial = Judged::read(&log, Want::default())?;
     let steered = Steered {
         log,
-        origin: data.origin().name(),
+        origin: trial.data.origin().name(),
         wanted,
-        held: Held::of(&data, &zeroed),
+        held: Held::of(&trial),
         reached_s: steering.reached_s(),
         steps: ran.tally.steps,
         late_steps: ran.tally.late,
         latency_p50_s: ran.tally.latency_s(0.5),
         latency_p99_s: ran.tally.latency_s(0.99),
-        budget: zeroed.angles().map(|angles| angles.budget).unwrap_or_default(),
-        findings: findings(&data, &zeroed),
+        budget: trial.steady_angles().map(|angles| angles.budget).unwrap_or_default(),
+        findings: trial.findings,
         notes: expected.note().into_iter().chain(ran.notes).collect(),
     };
     if let Some(report) = &ran.error {

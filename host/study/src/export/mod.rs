@@ -6,7 +6,7 @@ pub mod table;
 
 use crate::output::{self, OutputError};
 use crate::session::{Attempt, Session, SessionError};
-use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
+use crate::trial::{Judged, LogFinding, Want, Zeroed};
 use biflag_log::LogError;
 use miette::Diagnostic;
 use sim::body::attitude::of_euler_zyx;
@@ -112,13 +112,11 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     if system::file::is_same(log, output) {
         return Err(ExportError::Itself { path: output.to_owned() });
     }
-    let data = Attempt::of_log(log).read(FORCES)?;
-    let zeroed = Zeroed::new(&data);
-    let rows = write_trial(&data, &zeroed, output, format, replace)?;
-    let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
-    let findings = LogFinding::all_of(&data.path, findings(&data, &zeroed));
-    let trials = vec![(data.trial().name, data.origin().name())];
-    Ok(Exported { files: vec![output.to_owned()], trials, rows, damaged, findings })
+    let trial = Attempt::of_log(log).read(FORCES)?;
+    let rows = write_trial(&trial, output, format, replace)?;
+    let damaged = if trial.data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
+    let trials = vec![(trial.data.trial().name, trial.data.origin().name())];
+    Ok(Exported { files: vec![output.to_owned()], trials, rows, damaged, findings: trial.log_findings() })
 }
 
 /// Exports a session to a folder: one file per trial with a log, a table of the trials, `trials.csv` or `trials.parquet`,
@@ -149,24 +147,23 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     for state in states {
         exported.findings.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.best() else { continue };
-        let data = match attempt.read(FORCES) {
-            Ok(data) => data,
+        let trial = match attempt.read(FORCES) {
+            Ok(trial) => trial,
             Err(error) => {
                 exported.damaged.push(error.to_string());
                 continue;
             }
         };
-        if !data.condition.is_whole() {
+        if !trial.data.condition.is_whole() {
             exported.damaged.push(attempt.path.display().to_string());
         }
         let name = format!("{}.{}", state.trial.name, format.extension());
         let file = output.join(&name);
-        let zeroed = Zeroed::new(&data);
-        exported.rows += write_trial(&data, &zeroed, &file, format, replace)?;
+        exported.rows += write_trial(&trial, &file, format, replace)?;
         exported.files.push(file);
-        exported.trials.push((state.trial.name.clone(), data.origin().name()));
-        exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
-        trials.push(Summary::new(&state.trial, &data, &zeroed, name));
+        exported.trials.push((state.trial.name.clone(), trial.data.origin().name()));
+        exported.findings.extend(trial.log_findings());
+        trials.push(Summary::new(&state.trial, trial, name));
     }
     let name = &session.plan().name;
     for (file, table) in [(table, table::session(name, &trials)), (budget, table::budget(name, &trials))] {
@@ -177,22 +174,16 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
 }
 
 /// Writes a trial and returns the number of rows.
-fn write_trial(
-    data: &Data,
-    zeroed: &Zeroed,
-    output: &Path,
-    format: Format,
-    replace: bool,
-) -> Result<usize, ExportError> {
+fn write_trial(trial: &Judged, output: &Path, format: Format, replace: bool) -> Result<usize, ExportError> {
     if format == Format::Tum {
         let mut rows = 0;
         write(output, replace, |file| {
-            rows = tum(zeroed, file)?;
+            rows = tum(&trial.angles, file)?;
             Ok(())
         })?;
         return Ok(rows);
     }
-    let table = table::trial(data, zeroed);
+    let table = table::trial(trial);
     write_table(&table, output, format, replace)?;
     Ok(table.rows())
 }

@@ -3,7 +3,7 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
-use crate::trial::{AngleTerm, Angles, Data, Finding, Term, Zeroed, findings};
+use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, Term, Zeroed};
 use biflag_log::ImportMeta;
 use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities, sample_columns};
 use std::borrow::Cow;
@@ -103,7 +103,8 @@ const MOTORS: [(&str, &str); 6] = [
 ];
 
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
-pub fn trial(data: &Data, zeroed: &Zeroed) -> Table {
+pub fn trial(trial: &Judged) -> Table {
+    let Judged { data, angles: zeroed, .. } = trial;
     let run_s = data.times.run.start;
     let rows = rows(data, zeroed);
     let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| {
@@ -292,7 +293,8 @@ pub struct Summary {
 impl Summary {
     /// `trial` comes from the plan, because the log may have lost it; `file` is the file that the trial was exported
     /// to.
-    pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
+    pub fn new(trial: &Trial, judged: Judged, file: String) -> Self {
+        let Judged { data, angles: zeroed, findings } = judged;
         let speeds = data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds());
         let speeds =
             trial.reverse.filter(|_| data.records.steer.is_none()).map_or(speeds, |reverse| reverse.of(speeds));
@@ -306,7 +308,7 @@ impl Summary {
             settle_s: zeroed.steady.as_ref().and_then(|steady| steady.settle_s),
             steady: data.records.steady.as_ref().map(|steady| steady.values.clone()),
             lost: data.link.lost,
-            findings: findings(data, zeroed),
+            findings,
             log: data.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             file,
         }
@@ -432,7 +434,7 @@ mod tests {
         }
         let identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
         let data = collector.finish("log".as_ref(), Records { identity, ..Records::default() });
-        let table = trial(&data, &Zeroed::new(&data));
+        let table = trial(&Judged::of(data));
         let column = |name: &str| match &table.columns.iter().find(|column| column.name == name).unwrap().values {
             Values::Real(values) => values.clone(),
             _ => panic!("{name} is no number"),

@@ -8,7 +8,7 @@
 use super::{ImportError, State, States};
 use crate::attitude::{Columns, Track};
 use crate::text::decimal;
-use crate::trial::{Data, Zeroed};
+use crate::trial::Judged;
 use nalgebra::{Matrix4, Vector4};
 use serde::Serialize;
 use sim::functions::powi;
@@ -89,10 +89,11 @@ impl Beside {
     ///
     /// # Errors
     /// [`ImportError::Table`] if the yaws do not determine the clock.
-    pub fn put(states: States, recording: &Data, table: &str) -> Result<(States, Self), ImportError> {
+    pub fn put(states: States, recording: &Judged, table: &str) -> Result<(States, Self), ImportError> {
         let mut yaw = Columns::<1>::default();
         states.rows.iter().for_each(|state| yaw.push(state.time_s, [state.angles_deg[0]]));
-        let clock = find(yaw.track(0), Zeroed::new(recording).angles_deg.track(0), table)?;
+        let clock = find(yaw.track(0), recording.angles.angles_deg.track(0), table)?;
+        let recording = &recording.data;
         let span = recording.motors.span();
         let on_clock = |state: &State| {
             let time_s = clock.time_s(state.time_s);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::plan::{PHYSICAL, RobotFile, robot};
-use crate::trial::{Data, Want, Zeroed, findings};
+use crate::trial::{Data, Judged, Want};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use std::ops::Range;
@@ -53,14 +53,14 @@ fn imported_without(lost: Range<usize>, columns: &str, conditions: &Conditions) 
     std::fs::write(&csv, kept.join("\n")).unwrap();
     let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap()).unwrap();
     let imported = write(&states, conditions, "camera.csv", &log).unwrap();
-    (imported, Data::read(&log, Want::default()).unwrap())
+    (imported, Judged::read(&log, Want::default()).unwrap().data)
 }
 
 /// A camera has no telemetry.
 #[test]
 fn rows_that_a_camera_lost_are_rows_of_the_table() {
     let (_, data) = imported_without(82..109, COLUMNS, &conditions());
-    let texts: Vec<String> = findings(&data, &Zeroed::new(&data)).into_iter().map(|finding| finding.text).collect();
+    let texts: Vec<String> = Judged::of(data.clone()).findings.into_iter().map(|finding| finding.text).collect();
     let has = |part: &str| texts.iter().any(|text| text.contains(part));
     assert!(
         has("full turn: rows of the table are missing from ") && has("rows of the table are missing in 1 place, 1.4"),
@@ -75,7 +75,7 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     assert_eq!((camera.samples, camera.speeds.map(|w| w.rpm())), (120, [41.7, -6.0]));
     assert!((camera.run_s.start - 6.95).abs() < 1e-9 && (camera.run_s.end - 11.0).abs() < 1e-9, "{camera:?}");
     assert!((data.duration_s - 6.0).abs() < 1e-9 && (data.times.run.start - 1.95).abs() < 1e-9, "{:?}", data.times);
-    let zeroed = Zeroed::new(&data);
+    let zeroed = Judged::of(data.clone()).angles;
     // The yaw turns at 12 °/s from 2 s on, one row after the start of the run.
     for (time_s, angles) in [(1.0, [0.0, 0.0, 0.0]), (4.0, [24.0, 0.5, 0.0]), (6.0, [48.0, 1.0, 0.0])] {
         for (found, expected) in zeroed.at(time_s).into_iter().zip(angles) {
@@ -93,8 +93,9 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     assert_eq!((angles.yaw_uncertainty_deg, angles.drift_deg), (Some(0.5), None));
     let measured = COLUMNS.replace("roll=0", "roll=#3");
     let (_, whole) = imported(&measured, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
-    assert!((Zeroed::new(&whole).angles().unwrap().roll_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
-    let texts: Vec<_> = findings(&data, &zeroed).into_iter().map(|finding| (finding.grave, finding.text)).collect();
+    assert!((Judged::of(whole.clone()).angles.angles().unwrap().roll_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
+    let texts: Vec<_> =
+        Judged::of(data.clone()).findings.into_iter().map(|finding| (finding.grave, finding.text)).collect();
     let has = |part: &str| texts.iter().any(|(grave, text)| !grave && text.contains(part));
     assert!(has("1 row of the table without a value") && has("roll was not measured"), "{texts:?}");
     assert!(!texts.iter().any(|(_, text)| text.contains("uncertainty")), "{texts:?}");
@@ -113,8 +114,8 @@ fn a_speed_that_changes_in_the_run_is_grave() {
         let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
         let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
         write(&states, &conditions(), "a.csv", &log).unwrap();
-        let data = Data::read(&log, Want::default()).unwrap();
-        let found = findings(&data, &Zeroed::new(&data));
+        let data = Judged::read(&log, Want::default()).unwrap().data;
+        let found = Judged::of(data.clone()).findings;
         let other = found.iter().any(|finding| finding.grave && finding.text.contains("motor 2 turned at 12.3 rpm"));
         assert_eq!(other, is_found, "{found:?}");
         std::fs::remove_file(&log).unwrap();
@@ -134,8 +135,8 @@ fn grave(step_s: f64, row: impl Fn(f64) -> (f64, f64), run_s: Option<std::ops::R
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,turns1=#5,turns2=0".parse().unwrap();
     let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
     write(&states, &Conditions { run_s, ..conditions() }, "a.csv", &log).unwrap();
-    let data = Data::read(&log, Want::default()).unwrap();
-    let found = findings(&data, &Zeroed::new(&data));
+    let data = Judged::read(&log, Want::default()).unwrap().data;
+    let found = Judged::of(data.clone()).findings;
     found.into_iter().filter(|finding| finding.grave).map(|finding| finding.text + "\n").collect()
 }
 
@@ -164,7 +165,7 @@ fn doubtful_tables_are_grave() {
 #[test]
 fn an_angle_that_was_not_measured_has_no_uncertainty() {
     let (_, data) = imported(COLUMNS, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
-    let zeroed = Zeroed::new(&data);
+    let zeroed = Judged::of(data.clone()).angles;
     let angles = zeroed.angles().unwrap();
     assert_eq!((angles.yaw_uncertainty_deg, angles.roll_uncertainty_deg), (Some(0.5), None));
     let known = zeroed.causes(&data.times.run).map(|causes| causes.is_some());
@@ -188,8 +189,8 @@ fn an_angle_of_one_value_was_not_measured() {
     assert_eq!(states.constant, ["pitch", "w2"]);
     let log = folder.path().join("a.mcap");
     write(&states, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() }, "a.csv", &log).unwrap();
-    let data = Data::read(&log, Want::default()).unwrap();
-    let known = Zeroed::new(&data).causes(&data.times.run).map(|causes| causes.is_some());
+    let data = Judged::read(&log, Want::default()).unwrap().data;
+    let known = Judged::of(data.clone()).angles.causes(&data.times.run).map(|causes| causes.is_some());
     assert_eq!(known, [true, false, true]);
 }
 
@@ -209,9 +210,9 @@ fn quaternion_is_the_attitude_that_its_angles_are() {
 #[test]
 fn an_import_without_an_uncertainty_says_so_and_has_none() {
     let (_, data) = imported(COLUMNS, &conditions());
-    let zeroed = Zeroed::new(&data);
+    let zeroed = Judged::of(data.clone()).angles;
     assert_eq!(zeroed.angles().unwrap().yaw_uncertainty_deg, None);
-    assert!(findings(&data, &zeroed).iter().any(|finding| finding.text.contains("states no uncertainty")));
+    assert!(Judged::of(data.clone()).findings.iter().any(|finding| finding.text.contains("states no uncertainty")));
     assert_eq!(data.robot().unwrap(), RobotFile::of_log(data.records.robot.clone()).parse().unwrap());
 }
 
@@ -321,8 +322,8 @@ fn tilt_at_rest_that_may_be_of_the_frame_is_said() {
         let known = Conditions { uncertainty_deg: Some([0.5, 0.3]), speeds, run_s: Some(5.0..39.0), ..conditions() };
         let log = folder.path().join("a.mcap");
         write(&states, &known, "a.csv", &log).unwrap();
-        let data = Data::read(&log, Want::default()).unwrap();
-        let findings = findings(&data, &Zeroed::new(&data));
+        let data = Judged::read(&log, Want::default()).unwrap().data;
+        let findings = Judged::of(data.clone()).findings;
         findings.into_iter().map(|finding| finding.text).find(|text| text.contains("the tilt at rest"))
     };
     let said = found(-67.0, 3.0).unwrap();
@@ -367,8 +368,8 @@ fn rows_of_zeros_beside_an_attitude_are_grave() {
         let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
         let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
         write(&states, &conditions(), "a.csv", &log).unwrap();
-        let data = Data::read(&log, Want::default()).unwrap();
-        let found = findings(&data, &Zeroed::new(&data));
+        let data = Judged::read(&log, Want::default()).unwrap().data;
+        let found = Judged::of(data.clone()).findings;
         let says = |text: &str| found.iter().any(|finding| finding.grave && finding.text.contains(text));
         assert_eq!(says("exactly zero"), is_found, "yaw {yaw_deg}, {lost} lost: {found:?}");
     }

@@ -4,7 +4,7 @@ use crate::attitude::{Leveller, Motion, RestForce, Still, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
 use crate::steer::{SetPoint, Times, message};
-use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed, findings};
+use crate::trial::{Angles, Collector, Finding, Judged, Records, Want};
 use biflag_log::schema::biflag::{Quaternion, Vector};
 use biflag_log::{
     ClockMeta, CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start,
@@ -322,7 +322,6 @@ pub struct Measured {
 
 fn measured(collector: Option<Collector>, path: &Path, records: Records) -> Measured {
     let Some(collector) = collector else { return Measured::default() };
-    let data = collector.finish(path, records);
-    let zeroed = Zeroed::new(&data);
-    Measured { angles: zeroed.angles(), run_s: data.times.run_s(), findings: findings(&data, &zeroed) }
+    let trial = Judged::of(collector.finish(path, records));
+    Measured { angles: trial.steady_angles(), run_s: trial.data.times.run_s(), findings: trial.findings }
 }

@@ -30,7 +30,7 @@ pub use recorded::{is_being_recorded, recorded};
 
 use crate::plan::{Plan, Trial};
 use crate::text::count;
-use crate::trial::{Data, Finding, FindingKind, LogFinding, Want};
+use crate::trial::{Data, Finding, FindingKind, Judged, LogFinding, Want};
 use biflag_log::{End, LogError, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
@@ -81,11 +81,16 @@ impl Attempt {
         Self { number: 1, path: path.to_owned(), summary: None, losses: Vec::new(), identity: identity::of_log(path) }
     }
 
-    /// Reads the log, with the findings about its identity.
+    /// Reads the trial, with the findings about the log's identity.
     ///
     /// # Errors
     /// [`LogError`] if the file is not a biflag log or cannot be read.
-    pub fn read(&self, want: Want) -> Result<Data, LogError> {
+    pub fn read(&self, want: Want) -> Result<Judged, LogError> {
+        Ok(Judged::of(self.data(want)?))
+    }
+
+    /// Reads the log, like [`Self::read`].
+    pub(crate) fn data(&self, want: Want) -> Result<Data, LogError> {
         Ok(Data { identity: self.identity.clone(), ..Data::read(&self.path, want)? })
     }
 

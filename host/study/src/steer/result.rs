@@ -1,7 +1,7 @@
 //! The result of a steered run: its late steps, and the attitude that it held.
 
 use super::{HELD_S, Times};
-use crate::trial::{Data, Zeroed};
+use crate::trial::Judged;
 use serde::Serialize;
 
 /// Counts of the steps of a run.
@@ -61,7 +61,8 @@ pub struct Held {
 impl Held {
     /// Returns the means over the last part of a run, corrected like all angles of a trial; `None` without an attitude
     /// in it.
-    pub fn of(data: &Data, zeroed: &Zeroed) -> Option<Self> {
+    pub fn of(trial: &Judged) -> Option<Self> {
+        let Judged { data, angles: zeroed, .. } = trial;
         let run = zeroed.seen_run();
         // In a short run, the first half is the approach.
         let over = (run.end - HELD_S).max(0.5 * (run.start + run.end))..run.end;

@@ -6,7 +6,6 @@
 //! about as much, and the sensor's budget does not contain this error.
 
 use super::data::Data;
-use super::finding::{Finding, FindingKind};
 use crate::attitude::Track;
 use protocol::units::CentiRpm;
 use sim::functions::exp;
@@ -24,21 +23,14 @@ const SLOWER: f64 = 2.0;
 /// Assumed largest distance from the zero at rest, due to joint and tether, degrees.
 const ALLOWED_DEG: f64 = 5.0;
 
-/// Returns a finding if the final yaw does not fit a return to rest. `stated_deg`: the 95 % uncertainty of the yaw at
-/// the end of the log.
-pub(super) fn finding(data: &Data, yaw: Track, stated_deg: f64, time_constant_s: f64) -> Option<Finding> {
+/// Returns the time after the run, s, the yaw at its end, and the nearest value possible after a return to rest, degrees,
+/// if the two differ. `stated_deg`: the 95 % uncertainty of the yaw at the end of the log.
+pub(super) fn not_back(data: &Data, yaw: Track, stated_deg: f64, time_constant_s: f64) -> Option<[f64; 3]> {
     let after = data.times.decay.start..data.times.decay.end.min(yaw.span().end);
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
     let [end_deg, nearest_deg] =
         missed(yaw, &after, ALLOWED_DEG + stated_deg, time_constant_s).filter(|_| is_of_robot)?;
-    let Range { start, end } = after;
-    let text = format!(
-        "the yaw does not come back: {:.1} s after the run it is {end_deg:.1} degrees, where at most {nearest_deg:.1} can be left; \
-         the zero or the sensor has moved, or the gyroscope's bias has changed",
-        end - start
-    );
-    let cure = "check how robot and sensor are fastened, and repeat the trial";
-    Some(Finding::grave(FindingKind::Rest, text, cure))
+    Some([after.end - after.start, end_deg, nearest_deg])
 }
 
 /// Returns the yaw at the end of the phase after the run, and the nearest value possible after a return to rest,

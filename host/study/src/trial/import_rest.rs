@@ -1,6 +1,5 @@
 //! Checks whether the robot of an imported trial was still before its run.
 
-use super::finding::{Finding, FindingKind};
 use crate::attitude::{Motion, Track};
 use sim::functions::{hypot, powi};
 use std::ops::Range;
@@ -9,33 +8,15 @@ use std::ops::Range;
 pub(super) const REST_S: f64 = 5.0;
 const LEAST_REST_S: f64 = 2.0;
 
-/// Motion before the run, relative to the limits of a still robot, above which the zero is wrong by degrees.
-const GRAVE: f64 = 4.0;
-
-/// Returns a finding if yaw, pitch or roll still changed in the rest before the run, beyond what their scatter explains.
-pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
+/// Returns the motion in the rest before the run, if yaw, pitch or roll still changed beyond what their scatter explains.
+pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Motion> {
     let last = rest.start.max(rest.end - REST_S)..rest.end;
     if last.end - last.start < LEAST_REST_S {
         return None;
     }
     let [yaw_dps, pitch_dps, roll_dps] = angles.map(|angle| certain_rate(angle, &last));
     let motion = Motion { yaw_dps, tilt_dps: hypot(pitch_dps, roll_dps) };
-    let parts = [
-        ("yaw", Motion { tilt_dps: 0.0, ..motion }, yaw_dps),
-        ("tilt", Motion { yaw_dps: 0.0, ..motion }, motion.tilt_dps),
-    ];
-    let moved: Vec<String> = parts
-        .iter()
-        .filter(|(_, alone, _)| alone.relative() > 1.0)
-        .map(|(name, _, dps)| format!("its {name} turned at {dps:.2} °/s or more"))
-        .collect();
-    let text = format!("the robot was not still before the run: {}", moved.join(", "));
-    let cure = "let the robot rest longer before the run";
-    match motion.relative() {
-        still if still <= 1.0 => None,
-        some if some <= GRAVE => Some(Finding::slight(FindingKind::Rest, text, cure)),
-        _ => Some(Finding::grave(FindingKind::Rest, text, cure)),
-    }
+    (motion.relative() > 1.0).then_some(motion)
 }
 
 /// Returns the smallest rate of change compatible with the readings: their slope minus two standard errors.
@@ -68,7 +49,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_still_turns_is_found_and_scatter_is_not() {
-        let moved = |rate_dps: f64| moved(angles(rate_dps).tracks(), &(0.0..6.0)).map(|finding| finding.grave);
+        let moved = |rate_dps: f64| moved(angles(rate_dps).tracks(), &(0.0..6.0)).map(|motion| motion.relative() > 4.0);
         assert_eq!([0.0, 0.04, 0.12, 0.4].map(moved), [None, None, Some(false), Some(true)]);
     }
 }

@@ -1,26 +1,115 @@
-//! The attitude of a trial, judged by its findings: a finding may remove its uncertainties.
+//! The one door to a trial: its data, its angles and its findings, computed together.
 
-use super::data::Data;
-use super::finding::Finding;
-use super::findings::findings;
+use super::angles::Angles;
+use super::data::{Data, Want};
+use super::findings::{self, Finding, LogFinding, Rule, TABLE};
 use super::zero::Zeroed;
+use biflag_log::LogError;
 use std::ops::Range;
+use std::path::Path;
 
-impl Zeroed {
-    /// Computes the attitude of a trial.
-    pub fn new(data: &Data) -> Self {
-        Self::judged(data, data.times.decay.clone())
+/// A trial with all that is known about it. Whatever prints a trial takes it from here, with its findings.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// The content of its log.
+    pub data: Data,
+    /// Its attitude relative to its zero. A finding may have removed the uncertainties.
+    pub angles: Zeroed,
+    /// All findings about it.
+    pub findings: Vec<Finding>,
+}
+
+impl Judged {
+    /// Reads a trial from its log, even if the log is damaged.
+    ///
+    /// # Errors
+    /// [`LogError`] if the file is not a biflag log or cannot be read.
+    pub fn read(path: &Path, want: Want) -> Result<Self, LogError> {
+        Ok(Self::of(Data::read(path, want)?))
     }
 
-    /// Computes the attitude of a trial, with the drift only from the still phase before the run.
-    pub fn from_rest(data: &Data) -> Self {
-        Self::judged(data, data.duration_s..data.duration_s)
+    /// Judges a trial.
+    pub fn of(data: Data) -> Self {
+        let after = data.times.decay.clone();
+        Self::by(&TABLE, data, after)
     }
 
-    fn judged(data: &Data, after: Range<f64>) -> Self {
-        let mut zeroed = Self::with_end(data, after);
-        let is_unsure = findings(data, &zeroed).iter().any(Finding::empties_uncertainty);
-        zeroed.judge(is_unsure);
-        zeroed
+    /// Judges a trial, with the drift only from the still phase before the run.
+    pub fn from_rest(data: Data) -> Self {
+        let after = data.duration_s..data.duration_s;
+        Self::by(&TABLE, data, after)
+    }
+
+    /// Judges a trial by a table. `after`: the time in which the robot may be still again.
+    pub(crate) fn by(table: &[&[Rule]], data: Data, after: Range<f64>) -> Self {
+        let mut angles = Zeroed::with_end(&data, after);
+        let mut found = findings::all(table, &data, &angles);
+        let is_unsure = found.iter().any(Finding::empties_uncertainty);
+        angles.judge(is_unsure);
+        if is_unsure {
+            // Some findings depend on whether the uncertainties are known.
+            found = findings::all(table, &data, &angles);
+        }
+        Self { data, angles, findings: found }
+    }
+
+    /// Returns the steady angles; `None` if there is no attitude in the run.
+    pub fn steady_angles(&self) -> Option<Angles> {
+        self.angles.angles()
+    }
+
+    /// Returns the findings with the log that they are about.
+    pub fn log_findings(&self) -> Vec<LogFinding> {
+        LogFinding::all_of(&self.data.path, self.findings.iter().cloned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::table::{Summary, Values, session};
+    use crate::plan::Plan;
+    use crate::trial::{Collector, FindingKind, Records};
+    use biflag_log::FORMAT;
+    use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, event::Kind};
+
+    fn data() -> Data {
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        for tick in 0..4000 {
+            let time_s = 0.005 * f64::from(tick);
+            if tick == 2000 {
+                collector.event(time_s, Kind::Phase, "run");
+            }
+            let target_rpm = if tick < 2000 { 0.0 } else { 50.0 };
+            let motor = Some(Motor { target_rpm, ..Motor::default() });
+            let attitude = Some(Quaternion { w: 1.0, ..Quaternion::default() });
+            let (imu_fresh, motor1, motor2) = (true, motor, motor);
+            collector.telemetry(&Telemetry { time_s, imu_fresh, attitude, motor1, motor2, ..Telemetry::default() });
+        }
+        collector.finish("a.mcap".as_ref(), Records::default())
+    }
+
+    /// A new finding is a row of the table and nothing else.
+    #[test]
+    fn new_row_is_in_all_that_is_made_of_a_trial() {
+        static ROW: [Rule; 1] = [Rule::warning(FindingKind::Conduct, "mend it", |data, _| {
+            Some(format!("{} readings", data.readings.len()))
+        })];
+        let [table, row]: [Vec<&[Rule]>; 2] = [TABLE.to_vec(), vec![&ROW]];
+        let of = |table: &[&[Rule]]| Judged::by(table, data(), 20.0..20.0);
+        let (before, after, alone) = (of(&table), of(&[table.clone(), row.clone()].concat()), of(&row));
+        assert_eq!(after.findings.len(), before.findings.len() + 1);
+        let said = after.findings.last().unwrap().to_string();
+        assert_eq!(said, "4000 readings: mend it");
+        assert_eq!(after.log_findings().last().unwrap().log, "a.mcap");
+        // A warning takes the uncertainties away.
+        assert!(alone.steady_angles().is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()));
+        let plan = Plan::of_speeds([5000, 1000].map(protocol::units::CentiRpm), "", "").unwrap();
+        let trials = session("a", &[Summary::new(&plan.trials[0], after, String::new())]);
+        let texts = trials.columns.iter().filter_map(|column| match &column.values {
+            Values::Text(texts) => Some(texts.concat()),
+            _ => None,
+        });
+        assert!(texts.collect::<String>().contains(&said));
     }
 }

@@ -1,11 +1,11 @@
-//! A trial in memory: read once from its log ([`Data`]), then expressed relative to its zero ([`Zeroed`]).
+//! A trial in memory: read once from its log ([`Data`]), expressed relative to its zero ([`Zeroed`]), and judged
+//! by a table of findings ([`Judged`]).
 //!
 //! The commands `record`, `info`, `compare`, `calibrate`, `report` and `export` take all results of a trial from this
 //! module, and never read logs, level attitudes or remove drift in any other way. A trial passes through the same
 //! [`Collector`] while it is recorded and when it is read from its log, so both give the same results.
 
 mod angles;
-mod axes;
 mod back_at_zero;
 mod blocks;
 mod bounds;
@@ -15,9 +15,7 @@ mod clock;
 mod collect;
 mod data;
 mod errors;
-mod finding;
 mod findings;
-mod import_findings;
 mod import_rest;
 mod imported;
 mod judged;
@@ -28,7 +26,6 @@ mod rest_fit;
 mod righting;
 mod scatter;
 mod sensitivity;
-mod sensor_gap;
 mod shapes;
 mod tilt_zero;
 mod usable;
@@ -44,8 +41,8 @@ pub(crate) use causes::sensor_error;
 pub(crate) use causes::{Causes, OverTime};
 pub use collect::Collector;
 pub use data::{Data, Event, LinkSecond, MOTORS, Records, Want};
-pub use finding::{Finding, FindingKind, LogFinding};
-pub use findings::{DAMAGED_FRAME, findings};
+pub use findings::{DAMAGED_FRAME, Finding, FindingKind, LogFinding};
+pub use judged::Judged;
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};
 pub use shapes::{Shape, Shapes};

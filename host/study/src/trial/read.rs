@@ -11,7 +11,7 @@ impl Data {
     ///
     /// # Errors
     /// [`LogError`] if the file is not a biflag log or cannot be read.
-    pub fn read(path: &Path, want: Want) -> Result<Self, LogError> {
+    pub(crate) fn read(path: &Path, want: Want) -> Result<Self, LogError> {
         let reader = Reader::open(path)?;
         let format = reader.meta().map_or(FORMAT, |identity: Identity| identity.format);
         let mut channels = vec!["/telemetry", "/event", "/truth", "/dropout", "/command"];

@@ -1,9 +1,8 @@
-//! Findings about the rest before a run: whether there was one, and whether the robot was still.
+//! What the rest before a run shows: whether there was one, and whether the robot was still.
 
 use super::blocks::{blocks, end_of};
 use super::data::Data;
-use super::finding::{Finding, FindingKind};
-use crate::attitude::{Drift, Rest, Series};
+use crate::attitude::{Drift, Motion, Rest, Series};
 use protocol::units::CentiRpm;
 use sim::functions::{cos, hypot, sin};
 use std::ops::Range;
@@ -32,73 +31,78 @@ const LEAST_RATE_S: f64 = 0.2;
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
 
-/// Returns the findings. `has_still`: whether there is a still phase.
-pub(super) fn findings(
-    data: &Data,
-    series: &Series,
-    rest: &Rest,
-    has_still: bool,
-    drift: Option<&Drift>,
-) -> Vec<Finding> {
-    // A sensor turned by hand needs no rest.
-    let is_of_robot = data.speeds() != [CentiRpm(0); 2];
-    let unknown = if data.times.has_run() { unknown(data, series, rest, has_still, drift) } else { None };
-    let moved = if has_still { tilt_changed(series, rest) } else { None };
-    let turned = yaw_turned(series, rest, drift);
-    unknown.filter(|_| is_of_robot).into_iter().chain(moved).chain(turned.filter(|_| is_of_robot)).collect()
+/// What the rest before a run shows. A table of findings judges it.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(super) struct AtRest {
+    /// Length of the still phase before the run, s.
+    pub still_s: f64,
+    /// Why the uncertainty of the yaw is unknown, or the yaw wrong.
+    pub unknown: Option<Unknown>,
+    /// Change of the tilt at the end of the still phase, degrees, if it is too large for a robot at rest; and whether
+    /// the board's filter was settling.
+    pub tilt_changed: Option<(f64, bool)>,
+    /// Rate of the yaw at rest after a calibration, °/s, if it is no drift.
+    pub turned_dps: Option<f64>,
+    /// Rate of the yaw at the start of the run, °/s, if the fit of the return to rest does not cover it.
+    pub turning_dps: Option<f64>,
+    /// Time without readings around the start of the run.
+    pub lost: Option<Range<f64>>,
+    /// Time after the run, s, the yaw at its end, and the nearest value possible after a return to rest, degrees.
+    pub not_back: Option<[f64; 3]>,
+    /// Motion of an imported robot in the rest before its run.
+    pub motion: Option<Motion>,
+    /// Whether an imported trial has no rest before its run.
+    pub is_missing: bool,
 }
 
-/// Returns the finding that readings are missing where the run starts.
-pub(super) fn start_is_missing(data: &Data, gap: &Range<f64>) -> Finding {
-    let (Range { start, end }, [what, verb]) = (gap, data.lacking());
-    let text = format!(
-        "{what} {verb} missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to the \
-         rest before {start:.2} s"
-    );
-    Finding::slight(FindingKind::Rest, text, "")
+/// Why the uncertainty of the yaw is unknown, or the yaw wrong.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Unknown {
+    /// The gyroscope turns the yaw at this rate, °/s.
+    Bias(f64),
+    /// Neither a calibration nor a rest shows the bias.
+    NoRest,
+    /// There is no still phase.
+    NoStill,
+    /// The still phase is too short to show the drift. The bias is about this large, °/s.
+    Short(Option<f64>),
+    /// The bias about the body's x and y is unknown.
+    Lateral,
 }
 
-/// Judges unknown uncertainties. The finding is grave if the unknown error turns the yaw.
-fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
-    let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
-    let long_preroll = "give the plan a pre-roll of 20 s";
-    let long_rest = "give the plan a calibration of 5 s, or a pre-roll of 20 s";
+impl AtRest {
+    /// `has_still`: whether there is a still phase.
+    pub fn new(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Self {
+        // A sensor turned by hand needs no rest.
+        let is_of_robot = data.speeds() != [CentiRpm(0); 2];
+        let is_judged = is_of_robot && data.times.has_run();
+        let turned_dps = turned_dps(series, rest).filter(|_| is_of_robot);
+        let [dps, u] = drift.map_or([0.0; 2], |drift| drift.residual_dps);
+        let is_turning = is_of_robot && turned_dps.is_none() && dps.abs() - 2.0 * u > RETURN_DPS;
+        Self {
+            still_s: rest.before.end - rest.before.start,
+            unknown: if is_judged { unknown(data, series, rest, has_still, drift) } else { None },
+            tilt_changed: if has_still { tilt_changed(series, rest) } else { None },
+            turned_dps,
+            turning_dps: is_turning.then_some(dps.abs()),
+            ..Self::default()
+        }
+    }
+}
+
+fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Unknown> {
     let still_s = rest.before.end - rest.before.start;
     let dps = bias_in_yaw(series, rest, &data.times.run, drift.is_some());
     let is_known = drift.is_some_and(|drift| drift.variance(data.times.run.end).is_some());
-    // After a calibration, a rate at rest is a motion: see `yaw_turned`.
-    if let Some(dps) = dps.filter(|dps| rest.calibrate_s == 0.0 && !is_known && *dps > CALIBRATED_DPS) {
-        let text = format!(
-            "the gyroscope turns the yaw by {dps:.2} °/s of its own: it was not calibrated, and the still phase of {still_s:.1} s \
-             before the run is too short to remove its bias"
-        );
-        return Some(Finding::grave(FindingKind::Rest, text, long_rest));
+    match dps {
+        // After a calibration, a rate at rest is a motion: see `turned_dps`.
+        Some(dps) if rest.calibrate_s == 0.0 && !is_known && dps > CALIBRATED_DPS => Some(Unknown::Bias(dps)),
+        // The board may have kept the bias of another day, or never had one: nothing in such a log shows it.
+        _ if rest.calibrate_s == 0.0 && still_s < LEAST_RATE_S => Some(Unknown::NoRest),
+        _ if !has_still => Some(Unknown::NoStill),
+        dps if drift.is_none() => Some(Unknown::Short(dps)),
+        _ => (!is_known).then_some(Unknown::Lateral),
     }
-    // The board may have kept the bias of another day, or never had one: nothing in such a log shows it.
-    if rest.calibrate_s == 0.0 && still_s < LEAST_RATE_S {
-        let text = "there is neither a calibration nor a still phase before the run: the gyroscope's bias is in the yaw, and \
-                    nothing shows how large it is";
-        return Some(Finding::grave(FindingKind::Rest, text, long_rest));
-    }
-    if !has_still {
-        let text = "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the \
-                    yaw is unknown";
-        return slight(text.to_owned(), long_preroll);
-    }
-    if drift.is_none() {
-        let rate = dps.map_or_else(String::new, |dps| format!(" of about {dps:.2} °/s"));
-        let text = format!(
-            "the still phase of {still_s:.1} s before the run is too short to show drift and noise: the drift{rate} is not \
-             removed, and the uncertainties are unknown"
-        );
-        return slight(text, long_preroll);
-    }
-    if !is_known {
-        let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the body's x \
-                    and y: the uncertainty of the yaw is unknown";
-        return slight(text.to_owned(), "give the plan a calibration of 5 s");
-    }
-    None
 }
 
 /// Returns the rate at which the remaining bias turns the yaw in the run, °/s, from the rates at rest; `None` without a
@@ -122,8 +126,9 @@ fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) ->
     Some((cos(pitch) * (y * sin(roll) + z * cos(roll)) - x * sin(pitch)).abs())
 }
 
-/// Returns a finding if the tilt changed at the end of the still phase: the robot moved, or the filter was settling.
-fn tilt_changed(series: &Series, rest: &Rest) -> Option<Finding> {
+/// Returns by how much the tilt changed at the end of the still phase, degrees, if it did, and whether the board's filter
+/// was settling; else the robot moved.
+fn tilt_changed(series: &Series, rest: &Rest) -> Option<(f64, bool)> {
     let over = end_of(&rest.before);
     let range = |values: Vec<f64>| {
         let low = values.iter().copied().reduce(f64::min)?;
@@ -131,23 +136,8 @@ fn tilt_changed(series: &Series, rest: &Rest) -> Option<Finding> {
     };
     let [pitch, roll] = [series.pitch(), series.roll()].map(|tilt| range(blocks(tilt, &over)));
     let changed_deg = pitch?.max(roll?);
-    if changed_deg <= STILL_DEG {
-        return None;
-    }
-    let (text, cure) = if filter_settles(series, &over, changed_deg / rest.filter_s) {
-        (
-            format!(
-                "the board's filter had not settled before the run: the tilt that it states changed by {changed_deg:.1} degrees"
-            ),
-            "give the plan a calibration of 5 s, or a pre-roll of 20 s",
-        )
-    } else {
-        (
-            format!("the robot was not still before the run: its tilt changed by {changed_deg:.1} degrees"),
-            "let it hang for longer before the trial",
-        )
-    };
-    Some(Finding::grave(FindingKind::Rest, text, cure))
+    let settles = || filter_settles(series, &over, changed_deg / rest.filter_s);
+    (changed_deg > STILL_DEG).then(|| (changed_deg, settles()))
 }
 
 /// Returns whether the board's filter was settling in a still phase. `rate_dps`: the change of its correction that
@@ -159,31 +149,20 @@ fn filter_settles(series: &Series, still: &Range<f64>, rate_dps: f64) -> bool {
     hypot(one[0] - other[0], one[1] - other[1]) > SETTLING * rate_dps
 }
 
-/// Returns a finding if the robot moved during the calibration, or still turned when the run began.
-fn yaw_turned(series: &Series, rest: &Rest, drift: Option<&Drift>) -> Option<Finding> {
-    let cure = "let the robot come to rest before the trial: see rest_at_most in the plan";
-    let grave = |text: String| Some(Finding::grave(FindingKind::Rest, text, cure));
+/// Returns the rate of the yaw at the end of a calibrated rest, °/s, if the robot moved in it.
+fn turned_dps(series: &Series, rest: &Rest) -> Option<f64> {
     let still = &rest.before;
-    if rest.calibrate_s > 0.0 && still.end - still.start >= START_S {
-        let end = (still.end - COMPARED_S).max(still.start)..still.end;
-        let dps = series.yaw().rate(end).unwrap_or_default().abs();
-        if dps > CALIBRATED_DPS {
-            return grave(format!(
-                "the robot was not still during the calibration or after it: the yaw turned at {dps:.2} °/s at rest"
-            ));
-        }
+    if rest.calibrate_s <= 0.0 || still.end - still.start < START_S {
+        return None;
     }
-    let [dps, u] = drift.map_or([0.0; 2], |drift| drift.residual_dps);
-    if dps.abs() - 2.0 * u > RETURN_DPS {
-        return grave(format!("the yaw still turned at {:.2} °/s when the run began", dps.abs()));
-    }
-    None
+    let end = (still.end - COMPARED_S).max(still.start)..still.end;
+    series.yaw().rate(end).map(f64::abs).filter(|dps| *dps > CALIBRATED_DPS)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trial::{Collector, Records, Want, Zeroed};
+    use crate::trial::{Collector, Finding, FindingKind, Judged, Records, Want};
     use biflag_log::schema::biflag::event::Kind;
     use biflag_log::schema::biflag::{Quaternion, Telemetry, Vector};
     use biflag_log::{End, FORMAT, Summary, TrialMeta};
@@ -191,20 +170,24 @@ mod tests {
 
     const TICK_S: f64 = 0.005;
 
-    /// Returns the findings about a trial made by [`zeroed`]. `pitch_deg`: pitch of the robot over time.
+    /// Returns the findings about the rest of a trial made by [`judged`]. `pitch_deg`: pitch of the robot over time.
     fn found(preroll_s: f64, bias_dps: [f64; 3], pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, pitch_deg(t).to_radians(), 0.0);
-        zeroed(preroll_s, bias_dps, 0.0..0.0, truth).rest
+        of_rest(&judged(preroll_s, bias_dps, 0.0..0.0, truth))
+    }
+
+    fn of_rest(trial: &Judged) -> Vec<Finding> {
+        trial.findings.iter().filter(|finding| finding.kind == FindingKind::Rest).cloned().collect()
     }
 
     /// Returns a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has biases; the filter
     /// begins without them. The frames of the time `lost` are missing.
-    fn zeroed(
+    fn judged(
         preroll_s: f64,
         bias_dps: [f64; 3],
         lost: Range<f64>,
         truth: impl Fn(f64) -> UnitQuaternion<f64>,
-    ) -> Zeroed {
+    ) -> Judged {
         let mut collector = Collector::new(Want::default(), FORMAT);
         let mut estimate = truth(0.0);
         collector.event(0.0, Kind::Phase, "preroll");
@@ -232,7 +215,7 @@ mod tests {
         let trial = TrialMeta { w1_rpm: 37.3, w2_rpm: -61.9, ..TrialMeta::default() };
         let summary = Summary { end: End::Complete, ..Summary::default() };
         let records = Records { trial: Some(trial), summary: Some(summary), ..Records::default() };
-        Zeroed::new(&collector.finish("log".as_ref(), records))
+        Judged::of(collector.finish("log".as_ref(), records))
     }
 
     /// A robot that turns at 20 °/s from the start of its run. Between a reading at rest and one in the turn the yaw is
@@ -240,16 +223,16 @@ mod tests {
     #[test]
     fn readings_lost_where_the_run_starts_do_not_move_the_zero() {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, 0.0, 20f64.to_radians() * (t - 20.0).max(0.0));
-        let whole = zeroed(20.0, [0.0; 3], 0.0..0.0, truth);
-        assert_eq!(whole.rest, []);
+        let whole = judged(20.0, [0.0; 3], 0.0..0.0, truth);
+        assert_eq!(of_rest(&whole), []);
         for (from_s, to_s) in [(19.97, 20.1), (19.8, 20.9), (19.8, 24.3), (14.3, 21.0)] {
-            let lossy = zeroed(20.0, [0.0; 3], from_s..to_s, truth);
-            let [yaw, expected] = [&lossy, &whole].map(|trial| trial.at(28.0)[0]);
+            let lossy = judged(20.0, [0.0; 3], from_s..to_s, truth);
+            let [yaw, expected] = [&lossy, &whole].map(|trial| trial.angles.at(28.0)[0]);
             assert!((yaw - expected).abs() < 0.01, "{from_s} to {to_s} s lost: {yaw}, of {expected}");
             let said =
                 format!("telemetry is missing from {:.2} s to {to_s:.2} s, where the run starts", from_s - TICK_S);
             let named = |one: &Finding| one.text.starts_with(&said);
-            assert!(lossy.rest.iter().any(named), "{said}: {:?}", lossy.rest);
+            assert!(of_rest(&lossy).iter().any(named), "{said}: {:?}", of_rest(&lossy));
         }
     }
 

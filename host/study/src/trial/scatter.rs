@@ -4,8 +4,7 @@
 //! Errors common to all trials of a sensor do not scatter, so only the trial's own part of the budget is compared.
 
 use super::budget::Budget;
-use super::data::Data;
-use super::zero::Zeroed;
+use super::judged::Judged;
 use crate::statistics::variance_ratio;
 use serde::Serialize;
 use sim::functions::powi;
@@ -30,7 +29,8 @@ pub struct Repeat {
 impl Repeat {
     /// Returns the steady angles of a trial; `None` for a model, whose repeats are equal, and for a trial that is not
     /// complete.
-    pub fn new(data: &Data, zeroed: &Zeroed) -> Option<Self> {
+    pub fn new(trial: &Judged) -> Option<Self> {
+        let Judged { data, angles: zeroed, .. } = trial;
         let steady = zeroed.steady.as_ref().filter(|_| !data.is_model() && data.is_complete())?;
         let tilt = |k: usize| steady.tilt.as_ref().map(|tilt| tilt[k].of_trial());
         let trial = data.trial();

@@ -22,6 +22,9 @@ pub struct Unusable {
 }
 
 const NO_TRIAL: &str = "name the log of a trial run by `biflag record` or `biflag simulate`";
+/// Remedy for a robot that overturned.
+pub(super) const OVERTURNED: &str = "give it the mass that hangs upright";
+
 const REPEAT: &str = "repeat the trial with `biflag record PLAN --resume`";
 
 fn unusable<T>(reason: impl Into<String>, help: &'static str) -> Result<T, Unusable> {
@@ -56,9 +59,7 @@ impl Data {
     /// Checks that a modelled robot did not turn over.
     pub(super) fn upright(&self) -> Result<(), Unusable> {
         match self.records.steady.as_ref().is_some_and(SteadyMeta::is_overturned) {
-            true => {
-                unusable("the robot overturned, so it has no steady attitude", "give it the mass that hangs upright")
-            }
+            true => unusable("the robot overturned, so it has no steady attitude", OVERTURNED),
             false => Ok(()),
         }
     }

@@ -14,10 +14,9 @@ use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
 use super::errors::{self, Errors};
-use super::finding::{Finding, FindingKind};
 use super::import_rest;
 use super::imported::Stated;
-use super::rest::{self, START_S};
+use super::rest::{AtRest, START_S};
 use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
@@ -55,8 +54,7 @@ pub struct Zeroed {
     pub turned_deg: [f64; 3],
     /// The steady end of the run; `None` if there is no attitude in the run.
     pub steady: Option<Steady>,
-    /// Findings about the still phases.
-    pub rest: Vec<Finding>,
+    pub(super) rest: AtRest,
     known: Known,
     /// Whether a finding invalidates all uncertainties.
     is_unsure: bool,
@@ -114,7 +112,7 @@ impl Zeroed {
             from_s: data.times.run.start,
             turned_deg: series.turned_deg(),
             steady: None,
-            rest: Vec::new(),
+            rest: AtRest::default(),
             known: Known::Exact,
             is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
@@ -169,8 +167,8 @@ impl Zeroed {
         let righting = Righting::of(data, constants);
         let tilt_zero =
             if has_still { TiltZero::of(tilts, &phases.before, &tilt_over, filter_s, righting) } else { None };
-        let mut rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
-        rest.extend(started.filter(|_| data.times.has_run()).map(|gap| rest::start_is_missing(data, &gap)));
+        let mut rest = AtRest::new(data, &series, &phases, has_still, drift.as_ref());
+        rest.lost = started.filter(|_| data.times.has_run());
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let mut sensitivities = Sensitivities::new(filter_s, sensor.mounting());
@@ -188,7 +186,7 @@ impl Zeroed {
         errors.correct(&mut angles_deg);
         if let Some(budget) = errors.yaw(angles_deg.span().end) {
             let yaw_s = constants.map_or(f64::INFINITY, |constants| constants.yaw_s);
-            rest.extend(back_at_zero::finding(data, angles_deg.track(0), budget.uncertainty_deg(), yaw_s));
+            rest.not_back = back_at_zero::not_back(data, angles_deg.track(0), budget.uncertainty_deg(), yaw_s);
         }
         Self {
             angles_deg,
@@ -211,12 +209,6 @@ impl Zeroed {
         let still = data.times.preroll.start.max(run.start - START_S)..run.start;
         let has_still = still.end - still.start > 0.5 * START_S;
         let zero = mean(&data.readings, &still).filter(|_| has_still && data.times.has_run());
-        let mut rest = Vec::new();
-        if zero.is_none() && data.times.has_run() {
-            let text = "no rest before the run: pitch and roll are those of the table, not relative to the rest";
-            let cure = "import a table that begins a second before the motors start, or name the run with --run";
-            rest.push(Finding::slight(FindingKind::Rest, text, cure));
-        }
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&zero.unwrap_or_default());
         let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
         let mut series = Series::default();
@@ -229,7 +221,11 @@ impl Zeroed {
         let yaw_zero = yaw_zero.unwrap_or(yaw_deg);
         let turned_deg = series.turned_deg();
         let mut angles_deg = series.angles_deg;
-        rest.extend(import_rest::moved(angles_deg.tracks(), &data.times.preroll));
+        let rest = AtRest {
+            is_missing: zero.is_none() && data.times.has_run(),
+            motion: import_rest::moved(angles_deg.tracks(), &data.times.preroll),
+            ..AtRest::default()
+        };
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         Self {
             angles_deg,

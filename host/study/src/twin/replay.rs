@@ -10,7 +10,7 @@ use crate::program;
 use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
 use crate::session::{Attempt, Session};
-use crate::trial::{Data, Finding, LogFinding, Want, Zeroed, findings};
+use crate::trial::{Data, Finding, Judged, LogFinding, Want};
 use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
 use protocol::units::CentiRpm;
 use rayon::prelude::*;
@@ -134,7 +134,7 @@ pub fn replay<T: Send>(
     want: Want,
     interrupted: &AtomicBool,
     line: &(dyn Fn(&ModelRun) -> String + Sync),
-    then: &(dyn Fn(&Replayed, Data) -> T + Sync),
+    then: &(dyn Fn(&Replayed, Judged) -> T + Sync),
 ) -> Result<Replays<T>, TwinError> {
     let robot = match &settings.robot {
         Some(file) => Some(file.parse()?),
@@ -147,9 +147,9 @@ pub fn replay<T: Send>(
     progress.phase(&crate::text::count(source.logs.len(), "replay"), &format!("{} at a time", settings.jobs));
     let batch = Batch::new(session, &progress, interrupted);
     let one = |(trial, attempt): &(Trial, Attempt)| {
-        let data = attempt.read(Want { hash: true, ..want }).map_err(TwinError::from);
-        let prepared = data.and_then(|data| Ok((prepare(trial, &data, &robot, settings)?, data)));
-        let (Prepared { model, course, findings, needs_phase }, data) = match prepared {
+        let recording = attempt.read(Want { hash: true, ..want }).map_err(TwinError::from);
+        let prepared = recording.and_then(|recording| Ok((prepare(trial, &recording, &robot, settings)?, recording)));
+        let (Prepared { model, course, needs_phase }, recording) = match prepared {
             Ok(prepared) => prepared,
             Err(error) => return Ok(Outcome::Skipped(trial.name.clone(), error)),
         };
@@ -159,7 +159,7 @@ pub fn replay<T: Send>(
             log,
             result,
             wall_s,
-            findings,
+            findings: recording.findings.clone(),
             needs_phase,
         };
         let replayed = match cached_replay(session, trial, &model, &course, settings)? {
@@ -173,7 +173,7 @@ pub fn replay<T: Send>(
                 Err(error) => return Err(error.into()),
             },
         };
-        let made = then(&replayed, data);
+        let made = then(&replayed, recording);
         Ok(Outcome::Replayed(Box::new(replayed), made))
     };
     let outcomes: Result<Vec<_>, TwinError> =
@@ -207,14 +207,17 @@ pub(super) fn pool(jobs: usize) -> Result<rayon::ThreadPool, TwinError> {
 struct Prepared {
     model: Model,
     course: Course,
-    findings: Vec<Finding>,
     needs_phase: Option<PhaseCure>,
 }
 
-fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Settings) -> Result<Prepared, TwinError> {
+fn prepare(
+    trial: &Trial,
+    recording: &Judged,
+    robot: &Option<Robot>,
+    settings: &Settings,
+) -> Result<Prepared, TwinError> {
+    let Judged { data, angles: zeroed, .. } = recording;
     data.check().map_err(|error| TwinError::unusable(data, error))?;
-    let zeroed = Zeroed::new(data);
-    let findings = findings(data, &zeroed);
     let course = course(data, trial)?;
     let robot = match robot {
         Some(robot) => robot.clone(),
@@ -231,7 +234,7 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);
-    Ok(Prepared { model, course, findings, needs_phase })
+    Ok(Prepared { model, course, needs_phase })
 }
 
 /// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after its phase.

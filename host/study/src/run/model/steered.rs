@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use crate::aim::shipped;
     use crate::steer::{Controller, Held, Map, Patience, Pilot, Policy, RATE_HZ, Wanted};
-    use crate::trial::{Data, Want, Zeroed};
+    use crate::trial::{Judged, Want};
     use biflag_log::{Body, Method, Reader};
     use protocol::Settings;
     use sim::body::closure::Closure;
@@ -265,8 +265,8 @@ mod tests {
         assert!(run.error.is_none() && run.tally.late == 0 && run.tally.steps == 2000, "{run:?}");
         assert!(steering.reached_s().is_some_and(|reached_s| reached_s < 60.0), "{:?}", steering.reached_s());
 
-        let data = Data::read(&path, Want::default()).unwrap();
-        let held = Held::of(&data, &Zeroed::new(&data)).unwrap();
+        let trial = Judged::read(&path, Want::default()).unwrap();
+        let (held, data) = (Held::of(&trial).unwrap(), trial.data);
         assert!((held.mean_yaw_deg + 40.0).abs() < 0.5 && (held.mean_pitch_deg - 3.0).abs() < 0.5, "{held:?}");
         // The controller's map is wrong for this robot, and the speeds compensated for the difference.
         assert!(data.is_complete() && data.speeds() != data.planned_speeds());

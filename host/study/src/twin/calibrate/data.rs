@@ -5,7 +5,7 @@ use super::Blocks;
 use super::errors::TrialErrors;
 use super::fluid_ratio::FluidRatio;
 use crate::session::Attempt;
-use crate::trial::{Data, Finding, OverTime, Unusable, Want, Zeroed, findings};
+use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
 use crate::twin::sensor_key::SensorKey;
 use biflag_log::Origin;
 use protocol::units::CentiRpm;
@@ -59,21 +59,22 @@ impl FitTrial {
     /// # Errors
     /// [`TwinError::Log`], and the errors of [`Self::new`].
     pub fn read(log: &Attempt) -> Result<Self, TwinError> {
-        Self::new(&log.read(Want { hash: true, ..Want::default() })?)
+        Self::new(log.data(Want { hash: true, ..Want::default() })?)
     }
 
     /// Prepares a trial.
     ///
     /// # Errors
     /// [`TwinError::Unusable`] if it has no run, or no still phase before the run.
-    pub fn new(data: &Data) -> Result<Self, TwinError> {
+    pub fn new(data: Data) -> Result<Self, TwinError> {
+        // The decay is part of the fit, so the drift is only estimated from the still phase before the run.
+        let Judged { data, angles: zeroed, findings } = Judged::from_rest(data);
+        let data = &data;
         let unusable = |reason: &str| {
             let help = "calibrate with trials that begin with a still phase of 10 s or more";
             TwinError::unusable(data, Unusable { reason: reason.to_owned(), help })
         };
         data.check().map_err(|error| TwinError::unusable(data, error))?;
-        // The decay is part of the fit, so the drift is only estimated from the still phase before the run.
-        let zeroed = Zeroed::from_rest(data);
         if zeroed.steady.is_none() {
             return Err(unusable("contains no attitude in its run"));
         }
@@ -85,7 +86,6 @@ impl FitTrial {
         let means = |track: crate::attitude::Track| {
             (0..count).map(|i| track.mean(block(i)).unwrap_or_default()).collect::<Vec<_>>()
         };
-        let findings = findings(data, &zeroed);
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let errors = match zeroed.over_time(&centres, BLOCK_S) {
             [Some(yaw), Some(pitch), Some(roll)] => [yaw, pitch, roll],

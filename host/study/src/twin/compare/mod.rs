@@ -23,12 +23,11 @@ pub use pair::is_replay_of;
 pub use sides::Sides;
 
 use super::TwinError;
-use crate::trial::{self, AngleTerm, Data, LogFinding, Zeroed};
+use crate::trial::{AngleTerm, Judged};
 use aligned::Aligned;
 use compatibility::difference;
 use pair::{Pair, Side};
 use sim::accuracy::ModelError;
-use std::borrow::Cow;
 use std::path::Path;
 use steady::{ErrorCauses, SteadyPair};
 use transient::{Blocks, settling};
@@ -68,17 +67,8 @@ impl OnMismatch {
 pub struct Compared {
     /// The results.
     pub comparison: Comparison,
-    /// The measured attitude.
-    pub measured: Zeroed,
     /// Both attitudes over time, 20 points per second, from the still phase to the end of their common time.
     pub points: Vec<Point>,
-}
-
-impl Compared {
-    /// Returns the attitude of a trial: the measured attitude of its comparison, if there is one.
-    pub fn measured_or_own<'a>(compared: Option<&'a Self>, data: &Data) -> Cow<'a, Zeroed> {
-        compared.map_or_else(|| Cow::Owned(Zeroed::new(data)), |compared| Cow::Borrowed(&compared.measured))
-    }
 }
 
 /// Compares a trial with another modelled or measured trial.
@@ -86,8 +76,9 @@ impl Compared {
 /// # Errors
 /// [`TwinError::Incomparable`] if the trials do not match or overlap, [`TwinError::Unusable`] if one of them has no
 /// run.
-pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, TwinError> {
+pub fn compare(a: &Judged, b: &Judged, on_mismatch: OnMismatch) -> Result<Compared, TwinError> {
     let pair = Pair::new(a, b)?;
+    let (a, b) = (&a.data, &b.data);
     let mut warnings = Vec::from_iter(on_mismatch.warning(difference(a, b)?, [&a.path, &b.path])?);
     let apart = || {
         let reason = "their runs do not overlap".to_owned();
@@ -107,7 +98,7 @@ pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, 
     }
     let points = points(&pair.measured, &aligned);
     let comparison = result(&pair, &aligned, &steady, warnings);
-    Ok(Compared { comparison, points, measured: pair.measured.zeroed })
+    Ok(Compared { comparison, points })
 }
 
 /// Collects the result of a comparison.
@@ -143,7 +134,6 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         let terms = causes.iter().flat_map(|causes| causes.budget.terms());
         terms.map(|term| AngleTerm::new(angle, term)).collect::<Vec<_>>()
     };
-    let findings_of = |side: &Side| LogFinding::all_of(&side.data.path, trial::findings(side.data, &side.zeroed));
     let trial = a.trial();
     let middle_s = measured.zeroed.run.start + 0.5 * (steady.window.start + steady.window.end);
     let comparison = Comparison {
@@ -166,7 +156,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         budget: ANGLES.into_iter().zip(&causes).flat_map(terms).collect(),
         differences,
         is_beyond_chance: false,
-        findings: [findings_of(measured), findings_of(modelled)].concat(),
+        findings: [measured.findings.clone(), modelled.findings.clone()].concat(),
         sides: Sides::of(a, b),
         origin: [a, b].map(|data| data.origin().name()),
         verdict: String::new(),

@@ -1,6 +1,6 @@
 //! The two trials of a comparison.
 
-use crate::trial::{Data, Steady, Unusable, Zeroed};
+use crate::trial::{Data, Judged, LogFinding, Steady, Unusable, Zeroed};
 use crate::twin::TwinError;
 use crate::twin::sensor_key::SensorKey;
 use std::ops::Range;
@@ -8,8 +8,9 @@ use std::ops::Range;
 /// One of two compared trials.
 pub(super) struct Side<'a> {
     pub data: &'a Data,
-    pub zeroed: Zeroed,
+    pub zeroed: &'a Zeroed,
     pub steady: Steady,
+    pub findings: Vec<LogFinding>,
 }
 
 /// The two trials of a comparison: the measured one, then the modelled one.
@@ -19,15 +20,15 @@ pub(super) struct Pair<'a> {
 }
 
 impl<'a> Side<'a> {
-    fn new(data: &'a Data) -> Result<Self, TwinError> {
+    fn new(trial: &'a Judged) -> Result<Self, TwinError> {
+        let Judged { data, angles: zeroed, .. } = trial;
         data.check().map_err(|error| TwinError::unusable(data, error))?;
-        let zeroed = Zeroed::new(data);
         let no_attitude = || Unusable {
             reason: "contains no attitude in its run".to_owned(),
             help: "check the IMU with `biflag doctor`, and repeat the trial",
         };
         let steady = zeroed.steady.clone().ok_or_else(|| TwinError::unusable(data, no_attitude()))?;
-        Ok(Self { data, zeroed, steady })
+        Ok(Self { data, zeroed, steady, findings: trial.log_findings() })
     }
 
     /// Returns the time range with angles, relative to the start of the run.
@@ -48,7 +49,7 @@ impl<'a> Side<'a> {
 }
 
 impl<'a> Pair<'a> {
-    pub fn new(measured: &'a Data, modelled: &'a Data) -> Result<Self, TwinError> {
+    pub fn new(measured: &'a Judged, modelled: &'a Judged) -> Result<Self, TwinError> {
         Ok(Self { measured: Side::new(measured)?, modelled: Side::new(modelled)? })
     }
 

@@ -10,7 +10,7 @@ use super::replay::pool;
 use super::{AngleComparison, Compared, Comparison, OnMismatch, Replays, Source, TwinError, compare};
 use crate::plan::Trial;
 use crate::session::Attempt;
-use crate::trial::{Data, LogFinding, Want};
+use crate::trial::{Judged, LogFinding, Want};
 use rayon::prelude::*;
 use sim::functions::powi;
 use std::path::{Path, PathBuf};
@@ -83,7 +83,7 @@ pub fn compare_pairs<T: Send>(
     want: Want,
     on_mismatch: OnMismatch,
     jobs: usize,
-    then: &(dyn Fn(&Data, &Data, &Compared) -> T + Sync),
+    then: &(dyn Fn(&Judged, &Judged, &Compared) -> T + Sync),
 ) -> Result<(SessionComparison, Vec<T>), TwinError> {
     let one = |Pair { name, logs: [a, b] }: &Pair| {
         let compared = || {

@@ -2,8 +2,8 @@
 //! failed for a moment. The board bridges the gap with the rates before and after and their slopes, and reports a fault
 //! after 0.2 s.
 
-use super::data::Data;
 use crate::attitude::Reading;
+use crate::trial::data::Data;
 use std::ops::Range;
 
 /// Longest time between two readings that does not count, s: the board's attitude is then wrong by up to 0.05 degrees
@@ -41,9 +41,9 @@ pub(super) fn longest(data: &Data) -> Option<Range<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Collector, Want};
     use super::*;
     use crate::trial::data::Records;
+    use crate::trial::{Collector, Want};
     use biflag_log::FORMAT;
     use biflag_log::schema::biflag::event::Kind;
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry};

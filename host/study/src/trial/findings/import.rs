@@ -1,11 +1,13 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
-use super::data::Data;
-use super::finding::{Finding, FindingKind};
-use super::import_rest::REST_S;
-use super::zero::Zeroed;
+use super::FindingKind::Conduct;
+use super::Rule;
 use crate::attitude::{Euler, rotation};
 use crate::text::count;
+use crate::trial::data::Data;
+use crate::trial::import_rest::REST_S;
+use crate::trial::zero::Zeroed;
+use biflag_log::ImportMeta;
 use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
@@ -31,62 +33,95 @@ const UNKNOWN_DEG: f64 = 1.0;
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
 
-/// Returns the findings about an imported trial, except its rest (see `import_rest`); none for other trials.
-pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
-    let Some(import) = &data.records.import else { return Vec::new() };
-    let mut found: Vec<Finding> = (zeroed.steady.as_ref())
-        .and_then(|steady| other_speed(data, &steady.window))
-        .into_iter()
-        .chain(sparse(data))
-        .chain(turned_before(data))
-        .chain(lost(data))
-        .chain(zeros(data))
-        .chain(side_of_tilt(zeroed))
-        .collect();
-    let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
-    if import.left_out > 0 {
-        let rows = count(import.left_out as usize, "row");
-        slight(format!("{rows} of the table without a value, left out"), "");
-    }
-    if !import.constant.is_empty() {
-        let (names, were) = (import.constant.join(", "), if import.constant.len() == 1 { "was" } else { "were" });
-        slight(format!("{names} {were} not measured: one value in all rows"), "");
-    }
-    if let Some(rms_deg) = import.clock_rms_deg
-        && rms_deg > import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG)
-    {
-        let text = format!(
-            "its yaw differs from that of {} by {rms_deg:.2}° RMS, more than its uncertainty, also without zero, drift and clock",
-            import.trial
-        );
-        slight(text, "check that the table is of this trial, its unit and its instrument");
-    }
-    if import.yaw_uncertainty_deg.is_none() || import.tilt_uncertainty_deg.is_none() {
-        slight("the import states no uncertainty of its instrument".to_owned(), "state it with --uncertainty");
-    }
-    found
+const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
+
+pub(super) static RULES: [Rule; 11] = [
+    Rule::warning(Conduct, "import one run at constant speeds: name it with --run", |data, zeroed| {
+        imported(data)?;
+        other_speed(data, &zeroed.steady.as_ref()?.window)
+    }),
+    Rule::warning(Conduct, "import a table with four rows or more for a turn", |data, _| {
+        imported(data)?;
+        sparse(data)
+    }),
+    Rule::warning(Conduct, "let the run begin where the motors start", |data, _| {
+        imported(data)?;
+        turned_before(data)
+    }),
+    Rule::warning(Conduct, "leave lost readings empty in the table, and check the units of the angles", |data, _| {
+        imported(data)?;
+        lost(data).filter(|lost| lost.is_jump).map(|lost| lost.text)
+    }),
+    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| {
+        imported(data)?;
+        lost(data).filter(|lost| !lost.is_jump).map(|lost| lost.text)
+    }),
+    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| {
+        imported(data)?;
+        zeros(data)
+    }),
+    Rule::note(
+        Conduct,
+        "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty",
+        |data, zeroed| {
+            imported(data)?;
+            side_of_tilt(zeroed)
+        },
+    ),
+    Rule::note(Conduct, "", |data, _| {
+        let rows = imported(data)?.left_out as usize;
+        (rows > 0).then(|| format!("{} of the table without a value, left out", count(rows, "row")))
+    }),
+    Rule::note(Conduct, "", |data, _| {
+        let constant = &imported(data)?.constant;
+        let were = if constant.len() == 1 { "was" } else { "were" };
+        let text = || format!("{} {were} not measured: one value in all rows", constant.join(", "));
+        (!constant.is_empty()).then(text)
+    }),
+    Rule::note(Conduct, "check that the table is of this trial, its unit and its instrument", |data, _| {
+        other_yaw(imported(data)?)
+    }),
+    Rule::note(Conduct, "state it with --uncertainty", |data, _| {
+        let import = imported(data)?;
+        let is_stated = import.yaw_uncertainty_deg.is_some() && import.tilt_uncertainty_deg.is_some();
+        (!is_stated).then(|| "the import states no uncertainty of its instrument".to_owned())
+    }),
+];
+
+fn imported(data: &Data) -> Option<&ImportMeta> {
+    data.records.import.as_ref()
 }
 
-/// Returns a finding if a motor did not turn at the trial's speed while the angles were averaged.
-fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
+/// Returns by how much the yaw differs from that of the recording, if that is more than its uncertainty.
+fn other_yaw(import: &ImportMeta) -> Option<String> {
+    let rms_deg = import.clock_rms_deg?;
+    (rms_deg > import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG)).then(|| {
+        format!(
+            "its yaw differs from that of {} by {rms_deg:.2}° RMS, more than its uncertainty, also without zero, drift and clock",
+            import.trial
+        )
+    })
+}
+
+/// Returns what is wrong if a motor did not turn at the trial's speed while the angles were averaged.
+fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
     let wanted = data.speeds().map(|speed| speed.rpm());
     [0, 1].into_iter().find_map(|k| {
         let rpm = 60.0 * data.motors.track(4 + k).rate(window.clone())?;
         let is_other = (rpm - wanted[k]).abs() > SAME_RPM + SAME_SHARE * wanted[k].abs();
         is_other.then(|| {
-            let text = format!(
+            format!(
                 "motor {} turned at {rpm:.1} rpm while the angles were averaged, and the trial's speed is {} rpm",
                 k + 1,
                 wanted[k]
-            );
-            grave(text, "import one run at constant speeds: name it with --run")
+            )
         })
     })
 }
 
-/// Returns a finding if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
+/// Returns what is wrong if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
 /// instrument's frame, whose vertical is askew: the latter does not turn with the body.
-fn side_of_tilt(zeroed: &Zeroed) -> Option<Finding> {
+fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
     let angles = zeroed.angles()?;
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
@@ -102,37 +137,38 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<Finding> {
         "the tilt at rest, pitch {pitch_deg:.1}° and roll {roll_deg:.1}°, is taken for that of the mounting on the body; if it \
          is the instrument's frame that is askew, yaw, pitch and roll are {yaw:.2}°, {pitch:.2}° and {roll:.2}°"
     );
-    let cure = "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty";
-    (0..3).any(matters).then(|| Finding::slight(FindingKind::Conduct, text, cure))
+    (0..3).any(matters).then_some(text)
 }
 
-fn grave(text: String, cure: &str) -> Finding {
-    Finding::grave(FindingKind::Conduct, text, cure)
-}
-
-/// Returns a finding if the table has too few rows per turn.
-fn sparse(data: &Data) -> Option<Finding> {
+/// Returns what is wrong if the table has too few rows per turn.
+fn sparse(data: &Data) -> Option<String> {
     let fastest_rpm = data.speeds().iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.rpm().abs()));
     let rows_a_turn = 60.0 / (fastest_rpm * data.motors.interval_s().unwrap_or_default());
     let text = format!(
         "the table has {rows_a_turn:.1} rows for a turn of the faster flagellum: the robot swings with each turn, so that \
          means of so few may be off by degrees"
     );
-    (rows_a_turn < LEAST_ROWS_A_TURN).then(|| grave(text, "import a table with four rows or more for a turn"))
+    (rows_a_turn < LEAST_ROWS_A_TURN).then_some(text)
 }
 
-/// Returns a finding if a motor turned in the rest before the run.
-fn turned_before(data: &Data) -> Option<Finding> {
+/// Returns what is wrong if a motor turned in the rest before the run.
+fn turned_before(data: &Data) -> Option<String> {
     let (run, step_s) = (&data.times.run, data.motors.interval_s().unwrap_or_default());
     let before = (run.start - REST_S).max(data.times.preroll.start)..run.start - 2.0 * step_s;
     let rate = |k: usize| data.motors.track(4 + k).rate(before.clone()).unwrap_or_default();
     let k = [0, 1].into_iter().find(|k| before.end > before.start && 60.0 * rate(*k).abs() > SAME_RPM)?;
-    let text = format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1);
-    Some(grave(text, "let the run begin where the motors start"))
+    Some(format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1))
 }
 
-/// Returns a finding if the attitude jumps, or is constant in the run: the readings were lost, or have another unit.
-fn lost(data: &Data) -> Option<Finding> {
+/// Readings that are no measurement.
+struct Lost {
+    /// Whether the attitude jumps; else it stands.
+    is_jump: bool,
+    text: String,
+}
+
+/// Returns what is wrong if the attitude jumps, or is constant in the run: the readings were lost, or have another unit.
+fn lost(data: &Data) -> Option<Lost> {
     let (run, readings) = (&data.times.run, &data.readings);
     let mut stood_from = 0;
     for (i, pair) in (1..).zip(readings.windows(2)) {
@@ -140,7 +176,7 @@ fn lost(data: &Data) -> Option<Finding> {
         let angle_deg = rotation_between(&rotation(before), &rotation(now)).norm().to_degrees();
         if angle_deg > JUMP_DEG && angle_deg / (now_s - before_s) > JUMP_DPS {
             let text = format!("the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns");
-            return Some(grave(text, "leave lost readings empty in the table, and check the units of the angles"));
+            return Some(Lost { is_jump: true, text });
         }
         if now != before {
             stood_from = i;
@@ -148,15 +184,15 @@ fn lost(data: &Data) -> Option<Finding> {
         let from_s = readings[stood_from].0;
         if i - stood_from >= STOOD_ROWS && now_s - from_s.max(run.start) > STOOD_S && run.contains(&now_s) {
             let text = format!("the attitude does not change for more than {STOOD_S} s from {from_s:.1} s on");
-            return Some(grave(text, "leave lost readings empty in the table"));
+            return Some(Lost { is_jump: false, text });
         }
     }
     None
 }
 
-/// Returns a finding if rows of the run contain zeros between other attitudes: many instruments write zeros when they
+/// Returns what is wrong if rows of the run contain zeros between other attitudes: many instruments write zeros when they
 /// lose the robot.
-fn zeros(data: &Data) -> Option<Finding> {
+fn zeros(data: &Data) -> Option<String> {
     let run = data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s));
     let (zeros, others): (Vec<_>, Vec<_>) = run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
     let upright = rotation([1.0, 0.0, 0.0, 0.0]);
@@ -170,5 +206,5 @@ fn zeros(data: &Data) -> Option<Finding> {
     let lost = zeros.iter().filter(|(time_s, _)| is_lost(*time_s)).count();
     let text =
         format!("{} of the run with yaw, pitch and roll of exactly zero, unlike those beside them", count(lost, "row"));
-    (lost >= LEAST_ZEROS).then(|| grave(text, "leave lost readings empty in the table"))
+    (lost >= LEAST_ZEROS).then_some(text)
 }

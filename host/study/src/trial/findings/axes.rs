@@ -5,8 +5,8 @@
 //! tilt that the gyroscope reports. Their sum is the gyroscope's rotation about the body's x and y, minus the
 //! attitude's.
 
-use super::data::Data;
 use crate::attitude::rotation;
+use crate::trial::data::Data;
 use sim::body::attitude::rotation_between;
 use sim::functions::hypot;
 use std::ops::Range;

@@ -1,5 +1,6 @@
 //! One finding about a trial.
 
+use super::Gravity;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -64,21 +65,21 @@ impl fmt::Display for Finding {
 impl Finding {
     /// Creates a finding which means that the trial's numbers may be wrong.
     pub(crate) fn grave(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
-        Self { kind, text: text.into(), cure: cure.to_owned(), grave: true, spares_angles: false }
+        Self::new(kind, Gravity::Warning, text, cure)
     }
 
-    /// Creates a finding about a loss that the user must know of, but that does not affect the angles.
-    pub(super) fn loss(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
-        Self { spares_angles: true, ..Self::grave(kind, text, cure) }
+    /// Creates a finding that the numbers already take into account.
+    pub(crate) fn slight(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
+        Self::new(kind, Gravity::Note, text, cure)
+    }
+
+    pub(super) fn new(kind: FindingKind, gravity: Gravity, text: impl Into<String>, cure: &str) -> Self {
+        let (grave, spares_angles) = (gravity != Gravity::Note, gravity == Gravity::Loss);
+        Self { kind, text: text.into(), cure: cure.to_owned(), grave, spares_angles }
     }
 
     /// Returns whether no uncertainty of the angles can be stated.
     pub(crate) fn empties_uncertainty(&self) -> bool {
         self.grave && !self.spares_angles
-    }
-
-    /// Creates a finding that the numbers already take into account, for instance by an unknown uncertainty.
-    pub(crate) fn slight(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
-        Self { grave: false, ..Self::grave(kind, text, cure) }
     }
 }

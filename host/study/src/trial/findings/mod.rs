@@ -1,0 +1,96 @@
+//! The table of findings: what may be wrong with a trial, by its log alone.
+//!
+//! Each finding is a row with its subject, its weight, its test and its remedy. Every command prints the findings of a
+//! [`super::Judged`] trial in the order of the table.
+
+mod axes;
+mod finding;
+mod import;
+mod log;
+mod rest;
+mod sensor;
+mod sensor_gap;
+mod window;
+
+pub use finding::{Finding, FindingKind, LogFinding};
+pub use log::DAMAGED_FRAME;
+
+use super::data::Data;
+use super::zero::Zeroed;
+
+const REPEAT: &str = "repeat the trial";
+
+/// The rows of all subjects.
+pub(crate) const TABLE: [&[Rule]; 5] = [&log::RULES, &sensor::RULES, &import::RULES, &rest::RULES, &window::RULES];
+
+/// How much a finding matters.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Gravity {
+    /// The trial's numbers may be wrong, and no uncertainty of its angles can be stated.
+    Warning,
+    /// The user must know of it, but the uncertainties of the angles hold.
+    Loss,
+    /// The numbers take it into account, for instance by an unknown uncertainty.
+    Note,
+}
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rule {
+    kind: FindingKind,
+    gravity: Gravity,
+    /// The remedy; empty if there is none, `None` if it follows a colon in the text.
+    cure: Option<&'static str>,
+    test: Test,
+}
+
+/// Returns what is wrong, in words; nothing if all is well.
+#[derive(Clone, Copy, Debug)]
+enum Test {
+    One(One),
+    Each(fn(&Data) -> Vec<String>),
+}
+
+type One = fn(&Data, &Zeroed) -> Option<String>;
+
+impl Rule {
+    const fn new(kind: FindingKind, gravity: Gravity, cure: &'static str, test: One) -> Self {
+        Self { kind, gravity, cure: Some(cure), test: Test::One(test) }
+    }
+
+    /// Creates a row for a trial whose numbers may be wrong.
+    pub(crate) const fn warning(kind: FindingKind, cure: &'static str, test: One) -> Self {
+        Self::new(kind, Gravity::Warning, cure, test)
+    }
+
+    const fn loss(kind: FindingKind, cure: &'static str, test: One) -> Self {
+        Self::new(kind, Gravity::Loss, cure, test)
+    }
+
+    /// Creates a row for several warnings of one kind.
+    const fn each(kind: FindingKind, cure: Option<&'static str>, test: fn(&Data) -> Vec<String>) -> Self {
+        Self { kind, gravity: Gravity::Warning, cure, test: Test::Each(test) }
+    }
+
+    const fn note(kind: FindingKind, cure: &'static str, test: One) -> Self {
+        Self::new(kind, Gravity::Note, cure, test)
+    }
+
+    fn finding(&self, said: String) -> Finding {
+        let (text, cure) = match self.cure {
+            Some(cure) => (said.as_str(), cure),
+            None => said.split_once(": ").unwrap_or((&said, "")),
+        };
+        Finding::new(self.kind, self.gravity, text, cure)
+    }
+}
+
+/// Returns the findings about a trial by a table.
+pub(super) fn all(table: &[&[Rule]], data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
+    let said = |rule: &Rule| match rule.test {
+        Test::One(test) => Vec::from_iter(test(data, zeroed)),
+        Test::Each(test) => test(data),
+    };
+    let of_rule = |rule| said(rule).into_iter().map(move |said| rule.finding(said));
+    data.identity.iter().cloned().chain(table.iter().copied().flatten().flat_map(of_rule)).collect()
+}

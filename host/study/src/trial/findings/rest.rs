@@ -1,0 +1,145 @@
+//! Findings about the still phases from which zero and drift are estimated.
+
+use super::FindingKind::Rest;
+use super::Rule;
+use crate::attitude::Motion;
+use crate::trial::data::Data;
+use crate::trial::rest::{AtRest, Unknown};
+use crate::trial::zero::Zeroed;
+use biflag_log::RestMeta;
+
+/// Bound on the motion before a run, relative to the limits of a still robot. Up to it the numbers are right within their
+/// uncertainty: the fit of the return to rest covers the motion after a wait.
+const GRAVE: f64 = 4.0;
+
+const WAIT: &str = "let the robot come to rest, or give the plan a longer rest_at_most";
+const LONG_PREROLL: &str = "give the plan a pre-roll of 20 s";
+const LONG_REST: &str = "give the plan a calibration of 5 s, or a pre-roll of 20 s";
+const AT_MOST: &str = "let the robot come to rest before the trial: see rest_at_most in the plan";
+const LONGER: &str = "let the robot rest longer before the run";
+
+pub(super) static RULES: [Rule; 17] = [
+    Rule::warning(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() > GRAVE)),
+    Rule::note(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() <= GRAVE)),
+    Rule::note(Rest, WAIT, |data, _| {
+        let rest = not_still(data).filter(|rest| motion(rest).is_none())?;
+        let waited_s = rest.waited_s;
+        Some(format!("the wait of {waited_s:.1} s was too short to tell whether the robot was still"))
+    }),
+    Rule::warning(Rest, LONG_REST, |_, zeroed| match zeroed.rest {
+        AtRest { unknown: Some(Unknown::Bias(dps)), still_s, .. } => Some(format!(
+            "the gyroscope turns the yaw by {dps:.2} °/s of its own: it was not calibrated, and the still phase of {still_s:.1} \
+             s before the run is too short to remove its bias"
+        )),
+        _ => None,
+    }),
+    Rule::warning(Rest, LONG_REST, |_, zeroed| {
+        (zeroed.rest.unknown == Some(Unknown::NoRest)).then(|| {
+            "there is neither a calibration nor a still phase before the run: the gyroscope's bias is in the yaw, and nothing \
+             shows how large it is"
+                .to_owned()
+        })
+    }),
+    Rule::note(Rest, LONG_PREROLL, |_, zeroed| {
+        (zeroed.rest.unknown == Some(Unknown::NoStill)).then(|| {
+            "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the yaw is \
+             unknown"
+                .to_owned()
+        })
+    }),
+    Rule::note(Rest, LONG_PREROLL, |_, zeroed| match zeroed.rest {
+        AtRest { unknown: Some(Unknown::Short(dps)), still_s, .. } => {
+            let rate = dps.map_or_else(String::new, |dps| format!(" of about {dps:.2} °/s"));
+            Some(format!(
+                "the still phase of {still_s:.1} s before the run is too short to show drift and noise: the drift{rate} is not \
+                 removed, and the uncertainties are unknown"
+            ))
+        }
+        _ => None,
+    }),
+    Rule::note(Rest, "give the plan a calibration of 5 s", |_, zeroed| {
+        (zeroed.rest.unknown == Some(Unknown::Lateral)).then(|| {
+            "the gyroscope was not calibrated, and the still phases are too short to show its bias about the body's x and y: \
+             the uncertainty of the yaw is unknown"
+                .to_owned()
+        })
+    }),
+    Rule::warning(Rest, LONG_REST, |_, zeroed| match zeroed.rest.tilt_changed {
+        Some((deg, true)) => Some(format!(
+            "the board's filter had not settled before the run: the tilt that it states changed by {deg:.1} degrees"
+        )),
+        _ => None,
+    }),
+    Rule::warning(Rest, "let it hang for longer before the trial", |_, zeroed| match zeroed.rest.tilt_changed {
+        Some((deg, false)) => {
+            Some(format!("the robot was not still before the run: its tilt changed by {deg:.1} degrees"))
+        }
+        _ => None,
+    }),
+    Rule::warning(Rest, AT_MOST, |_, zeroed| {
+        let dps = zeroed.rest.turned_dps?;
+        Some(format!(
+            "the robot was not still during the calibration or after it: the yaw turned at {dps:.2} °/s at rest"
+        ))
+    }),
+    Rule::warning(Rest, AT_MOST, |_, zeroed| {
+        let dps = zeroed.rest.turning_dps?;
+        Some(format!("the yaw still turned at {dps:.2} °/s when the run began"))
+    }),
+    Rule::note(Rest, "", |data, zeroed| {
+        let ([what, verb], lost) = (data.lacking(), zeroed.rest.lost.as_ref()?);
+        let [start, end] = [lost.start, lost.end];
+        Some(format!(
+            "{what} {verb} missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to \
+             the rest before {start:.2} s"
+        ))
+    }),
+    Rule::warning(Rest, "check how robot and sensor are fastened, and repeat the trial", |_, zeroed| {
+        let [after_s, end_deg, nearest_deg] = zeroed.rest.not_back?;
+        Some(format!(
+            "the yaw does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
+             {nearest_deg:.1} can be left; the zero or the sensor has moved, or the gyroscope's bias has changed"
+        ))
+    }),
+    Rule::note(
+        Rest,
+        "import a table that begins a second before the motors start, or name the run with --run",
+        |_, zeroed| {
+            let text = "no rest before the run: pitch and roll are those of the table, not relative to the rest";
+            zeroed.rest.is_missing.then(|| text.to_owned())
+        },
+    ),
+    Rule::warning(Rest, LONGER, |_, zeroed| moved(zeroed, |motion| motion.relative() > GRAVE)),
+    Rule::note(Rest, LONGER, |_, zeroed| moved(zeroed, |motion| motion.relative() <= GRAVE)),
+];
+
+fn not_still(data: &Data) -> Option<&RestMeta> {
+    data.records.rest.as_ref().filter(|rest| !rest.still)
+}
+
+fn motion(rest: &RestMeta) -> Option<Motion> {
+    Some(Motion { yaw_dps: rest.yaw_dps?, tilt_dps: rest.tilt_dps? })
+}
+
+/// Returns how the robot moved after the recorder's wait for its rest, in words.
+fn waited(data: &Data, is_meant: fn(&Motion) -> bool) -> Option<String> {
+    let rest = not_still(data)?;
+    let Motion { yaw_dps, tilt_dps } = motion(rest).filter(is_meant)?;
+    let waited_s = rest.waited_s;
+    Some(format!(
+        "the robot was not still after a wait of {waited_s:.1} s: its yaw turned at up to {yaw_dps:.2} °/s, its tilt at up to \
+         {tilt_dps:.2} °/s"
+    ))
+}
+
+/// Returns how an imported robot moved before its run, in words.
+fn moved(zeroed: &Zeroed, is_meant: fn(&Motion) -> bool) -> Option<String> {
+    let motion = zeroed.rest.motion.filter(is_meant)?;
+    let [yaw, tilt] = [Motion { tilt_dps: 0.0, ..motion }, Motion { yaw_dps: 0.0, ..motion }];
+    let moved: Vec<String> = [("yaw", yaw, motion.yaw_dps), ("tilt", tilt, motion.tilt_dps)]
+        .iter()
+        .filter(|(_, alone, _)| alone.relative() > 1.0)
+        .map(|(name, _, dps)| format!("its {name} turned at {dps:.2} °/s or more"))
+        .collect();
+    Some(format!("the robot was not still before the run: {}", moved.join(", ")))
+}

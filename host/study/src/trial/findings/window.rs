@@ -1,0 +1,64 @@
+//! Findings about the averaging window of the steady angles.
+
+use super::FindingKind::Window;
+use super::{REPEAT, Rule};
+use crate::text::decimal;
+use crate::trial::angles::Steady;
+use crate::trial::data::Data;
+use crate::trial::usable::OVERTURNED;
+use crate::trial::zero::Zeroed;
+use protocol::units::CentiRpm;
+use std::ops::Range;
+
+/// Smallest share of the averaging time that must have telemetry.
+const LEAST_SHARE: f64 = 0.9;
+
+/// Time between readings above which telemetry counts as missing, s: ten frames of a board.
+const GAP_S: f64 = 0.05;
+
+pub(super) static RULES: [Rule; 3] = [
+    Rule::warning(Window, OVERTURNED, |data, _| data.upright().err().map(|error| error.reason)),
+    Rule::note(Window, "give the trial a longer run", |data, zeroed| {
+        zeroed.steady.as_ref().and_then(|steady| unsettled(data, steady))
+    }),
+    Rule::warning(Window, REPEAT, |data, zeroed| {
+        zeroed.steady.as_ref().and_then(|steady| missing(data, zeroed, &steady.window))
+    }),
+];
+
+fn unsettled(data: &Data, steady: &Steady) -> Option<String> {
+    if steady.settled || data.speeds() == [CentiRpm(0); 2] {
+        return None;
+    }
+    let window_s = steady.window.end - steady.window.start;
+    let of_model = data.records.steady.as_ref().filter(|_| data.is_model());
+    let errors: Option<Vec<f64>> = of_model.and_then(|own| own.values.angle_errors_deg().into_iter().collect());
+    Some(if let Some(errors) = errors {
+        let largest = decimal(2.0 * errors.into_iter().fold(0.0, f64::max), 2);
+        format!(
+            "not settled: the angles are what a slow approach has reached by a fit to the last {window_s:.1} s, known to ± \
+             {largest}°, not steady values"
+        )
+    } else if window_s > 0.0 {
+        format!("not settled: the angles are means over the last {window_s:.1} s, not steady values")
+    } else {
+        "not settled: the run ends as a motor reverses, and the angles are those of its end".to_owned()
+    })
+}
+
+/// Returns the share of the window with readings, in words, if it is too small.
+fn missing(data: &Data, zeroed: &Zeroed, window: &Range<f64>) -> Option<String> {
+    let window_s = window.end - window.start;
+    if data.is_model() || window_s <= 0.0 {
+        return None;
+    }
+    let gap_s = match data.is_recorded() {
+        true => GAP_S,
+        false => zeroed.angles_deg.longest_step_s().unwrap_or_default(),
+    };
+    let inside = zeroed.angles_deg.time_s.iter().filter(|time| window.contains(time)).copied();
+    let ends = std::iter::once(window.start).chain(inside).chain([window.end]);
+    let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
+    let (share, [what, _]) = (1.0 - missing_s / window_s, data.lacking());
+    (share < LEAST_SHARE).then(|| format!("only {:.0} % of the last {window_s:.1} s have {what}", 100.0 * share))
+}
