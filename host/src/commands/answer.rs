@@ -93,7 +93,7 @@ pub(super) fn not_parsed(error: clap::Error, json: bool) -> ExitCode {
     if code == 0 {
         return end(printed, code);
     }
-    let body = || serde_json::json!({ "error": error.render().to_string().trim(), "help": null });
+    let body = || serde_json::json!({ "error": error.render().to_string().trim().trim_start_matches("error: "), "help": null });
     print(&if json { escaped(&body()) } else { String::new() }, code)
 }
 

@@ -20,7 +20,7 @@ use std::collections::VecDeque;
 
 /// Largest tilt due to a bias. A larger tilt means that the mounting is wrong in the settings, or the robot not
 /// upright.
-const LARGEST_TILT_DEG: f64 = 10.0;
+pub(crate) const LARGEST_TILT_DEG: f64 = 10.0;
 
 /// Largest error of gravity explained by the bias and scale error of an MPU6050 (data sheet PS-MPU-6000A, section 6.2:
 /// 80 mg and 3 %, and 60 mg over temperature).

@@ -17,6 +17,7 @@ mod track;
 
 pub use bias_noise::BiasNoise;
 pub use drift::{Drift, Rest};
+pub(crate) use level::LARGEST_TILT_DEG;
 pub use level::{Level, Leveller, RestForce};
 pub(crate) use rest::ANGLE_WALK;
 pub use series::Series;

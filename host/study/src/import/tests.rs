@@ -124,12 +124,21 @@ fn a_speed_that_changes_in_the_run_is_grave() {
 
 /// Returns the grave findings about a table of 40 s with these rows of yaw and turns at times `step_s` apart.
 fn grave(step_s: f64, row: impl Fn(f64) -> (f64, f64), run_s: Option<std::ops::Range<f64>>) -> String {
+    grave_with_roll(0.0, step_s, row, run_s)
+}
+
+fn grave_with_roll(
+    roll_deg: f64,
+    step_s: f64,
+    row: impl Fn(f64) -> (f64, f64),
+    run_s: Option<std::ops::Range<f64>>,
+) -> String {
     let folder = tempfile::tempdir().unwrap();
     let (csv, log) = (folder.path().join("a.csv"), folder.path().join("a.mcap"));
     let line = |i: u32| {
         let time_s = f64::from(i) * step_s;
         let (yaw_deg, turns) = row(time_s);
-        format!("{time_s},{yaw_deg},0,0,{turns}\n")
+        format!("{time_s},{yaw_deg},0,{roll_deg},{turns}\n")
     };
     std::fs::write(&csv, (0..(40.0 / step_s) as u32).map(line).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,turns1=#5,turns2=0".parse().unwrap();
@@ -395,4 +404,24 @@ fn noisy_speeds_leave_the_rest_at_rest() {
     let states = Table::read(&csv).unwrap().states(&rps).unwrap();
     let error = write(&states, &conditions(), "a.csv", &folder.path().join("b.mcap")).unwrap_err();
     assert_eq!(error.to_string(), "a.csv: motor 1 turns faster than 90 rpm");
+}
+
+/// A run from 5 s to 25 s at -40°, the return to rest, and a slip of the instrument in the run.
+#[test]
+fn robot_hangs_upright_and_comes_back() {
+    let found = |roll_deg: f64, slip_deg: f64| {
+        let row = |time_s: f64| {
+            let (run_s, after_s) = ((time_s - 5.0).clamp(0.0, 20.0), (time_s - 25.0).max(0.0));
+            let yaw_deg = -40.0 * (1.0 - (-run_s / 3.0).exp()) * (-after_s / 10.0).exp();
+            (yaw_deg + slip_deg * (time_s - 15.0).clamp(0.0, 1.0), run_s * 37.7 / 60.0)
+        };
+        grave_with_roll(roll_deg, 0.1, row, Some(5.0..25.0))
+    };
+    assert_eq!([found(0.0, 0.0), found(8.0, 0.0)], ["", ""]);
+    let slipped = found(0.0, 20.0);
+    assert!(slipped.contains("the yaw does not come back") && slipped.contains("instrument has moved"), "{slipped}");
+    for (roll_deg, frame) in [(15.0, "tilted by 15.0"), (92.0, "another axis"), (179.0, "points down")] {
+        let askew = found(roll_deg, 0.0);
+        assert!(askew.contains(frame), "{roll_deg}: {askew}");
+    }
 }

@@ -221,12 +221,17 @@ impl Zeroed {
         let yaw_zero = yaw_zero.unwrap_or(yaw_deg);
         let turned_deg = series.turned_deg();
         let mut angles_deg = series.angles_deg;
+        let motion = import_rest::moved(angles_deg.tracks(), &data.times.preroll);
+        angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
+        let stated = Stated::of(data.records.import.as_ref());
+        let stated_deg = stated.and_then(|stated| stated.yaw()).map_or(0.0, |yaw| yaw.uncertainty_deg());
+        let yaw_s = time_constants(data).map_or(f64::INFINITY, |constants| constants.yaw_s);
         let rest = AtRest {
             is_missing: zero.is_none() && data.times.has_run(),
-            motion: import_rest::moved(angles_deg.tracks(), &data.times.preroll),
+            not_back: zero.and_then(|_| back_at_zero::not_back(data, angles_deg.track(0), stated_deg, yaw_s)),
+            motion,
             ..AtRest::default()
         };
-        angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         Self {
             angles_deg,
             zero_deg: [yaw_zero, pitch_deg, roll_deg],
@@ -235,7 +240,7 @@ impl Zeroed {
             turned_deg,
             steady: None,
             rest,
-            known: Known::Stated(Stated::of(data.records.import.as_ref())),
+            known: Known::Stated(stated),
             is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
         }

@@ -18,6 +18,10 @@ pub enum FindingKind {
     Rest,
     /// The averaging window of the steady angles.
     Window,
+    /// The tilt at rest: a robot hangs upright.
+    Upright,
+    /// The yaw after the run: a robot comes back to its zero.
+    Return,
 }
 
 /// A finding about a trial.

@@ -1,8 +1,8 @@
 //! Findings about the still phases from which zero and drift are estimated.
 
-use super::FindingKind::Rest;
+use super::FindingKind::{Rest, Return, Upright};
 use super::Rule;
-use crate::attitude::Motion;
+use crate::attitude::{LARGEST_TILT_DEG, Motion, tilt_deg};
 use crate::trial::data::Data;
 use crate::trial::rest::{AtRest, Unknown};
 use crate::trial::zero::Zeroed;
@@ -18,7 +18,7 @@ const LONG_REST: &str = "give the plan a calibration of 5 s, or a pre-roll of 20
 const AT_MOST: &str = "let the robot come to rest before the trial: see rest_at_most in the plan";
 const LONGER: &str = "let the robot rest longer before the run";
 
-pub(super) static RULES: [Rule; 17] = [
+pub(super) static RULES: [Rule; 18] = [
     Rule::warning(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() > GRAVE)),
     Rule::note(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() <= GRAVE)),
     Rule::note(Rest, WAIT, |data, _| {
@@ -94,12 +94,20 @@ pub(super) static RULES: [Rule; 17] = [
              the rest before {start:.2} s"
         ))
     }),
-    Rule::warning(Rest, "check how robot and sensor are fastened, and repeat the trial", |_, zeroed| {
+    Rule::warning(Return, "check how robot and sensor are fastened, and repeat the trial", |data, zeroed| {
         let [after_s, end_deg, nearest_deg] = zeroed.rest.not_back?;
+        let sensor = if data.is_recorded() {
+            "sensor has moved, or the gyroscope's bias has changed"
+        } else {
+            "instrument has moved"
+        };
         Some(format!(
             "the yaw does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
-             {nearest_deg:.1} can be left; the zero or the sensor has moved, or the gyroscope's bias has changed"
+             {nearest_deg:.1} can be left; the zero or the {sensor}"
         ))
+    }),
+    Rule::warning(Upright, "give the angles in a frame whose z axis points up", |data, zeroed| {
+        data.records.import.as_ref().and_then(|_| askew(zeroed))
     }),
     Rule::note(
         Rest,
@@ -130,6 +138,21 @@ fn waited(data: &Data, is_meant: fn(&Motion) -> bool) -> Option<String> {
         "the robot was not still after a wait of {waited_s:.1} s: its yaw turned at up to {yaw_dps:.2} °/s, its tilt at up to \
          {tilt_dps:.2} °/s"
     ))
+}
+
+/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
+fn askew(zeroed: &Zeroed) -> Option<String> {
+    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
+    let deg = tilt_deg(pitch_deg, roll_deg);
+    let frame = match deg {
+        small if small <= LARGEST_TILT_DEG => return None,
+        down if down >= 180.0 - LARGEST_TILT_DEG => {
+            ": the z axis of the angles points down, and the yaw has the other sign"
+        }
+        side if (side - 90.0).abs() <= LARGEST_TILT_DEG => ": another axis of the angles than z points up",
+        _ => "",
+    };
+    Some(format!("the robot is tilted by {deg:.1} degrees at rest, where it hangs upright{frame}"))
 }
 
 /// Returns how an imported robot moved before its run, in words.

@@ -1,6 +1,6 @@
 //! Findings about the sensor of a recorded trial: its mounting, its file, its readings and the board's filter.
 
-use super::FindingKind::{Conduct, Identity, Rest};
+use super::FindingKind::{Conduct, Identity, Upright};
 use super::{Rule, axes, sensor_gap};
 use crate::sensor::MeasuredSensor;
 use crate::trial::data::Data;
@@ -15,7 +15,7 @@ const ONE_MOUNTING: &str = "set gyro_axes and accel_axes to the same mounting of
 
 pub(super) static RULES: [Rule; 7] = [
     Rule::warning(
-        Rest,
+        Upright,
         "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial",
         |data, _| {
             let level = of_robot(data).and_then(|data| data.records.level.as_ref()).filter(|level| !level.used);

@@ -27,18 +27,21 @@ pub(super) struct ErrorCauses {
 impl SteadyPair {
     /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the
     /// window is at the end of the shorter one. A model beside a measurement has the measurement's window, because its
-    /// own means over both motor angles would differ by part of a beat.
+    /// own means over both motor angles would differ by part of a beat. The order of the trials does not matter.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
-        let Range { start, end } = measured.steady.window;
+        let is_same_kind = measured.data.is_model() == modelled.data.is_model();
+        let has_window = |side: &Side| is_same_kind || !side.data.is_model();
+        let (with, shift_s) = if has_window(measured) { (measured, 0.0) } else { (modelled, aligned.shift_s) };
+        let Range { start, end } = with.steady.window;
         let common_s = aligned.common_s;
         let is_same_run = aligned.lengths_s.is_none();
         let window = if is_same_run {
-            start - measured.zeroed.run.start..end - measured.zeroed.run.start
+            let run_s = with.zeroed.run.start - shift_s;
+            start - run_s..end - run_s
         } else {
             common_s - (end - start).min(common_s)..common_s
         };
-        let is_same_kind = measured.data.is_model() == modelled.data.is_model();
         let of = |side: &Side, is_own: bool, shift_s: f64| {
             if is_own {
                 return side.steady.angles_deg;
@@ -46,8 +49,8 @@ impl SteadyPair {
             let over = side.on_clock(&(window.start - shift_s..window.end - shift_s));
             side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
         };
-        let measured_deg = of(measured, is_same_run, 0.0);
-        let modelled_deg = of(modelled, is_same_run && is_same_kind, aligned.shift_s);
+        let measured_deg = of(measured, is_same_run && has_window(measured), 0.0);
+        let modelled_deg = of(modelled, is_same_run && has_window(modelled), aligned.shift_s);
         Self { measured_deg, modelled_deg, window }
     }
 
