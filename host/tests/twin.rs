@@ -213,6 +213,15 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
         assert_eq!(trial["differences"], serde_json::json!([]), "{trial}");
         assert!((number(&trial["measured_zero_deg"][1]) - 1.5).abs() < 0.1, "{trial}");
     }
+    // Whichever of both is named first, the measurement has the window of the means.
+    let name = "001_w1+50_w2+10.mcap";
+    let [rig, replay] = ["rig", "rig-replay"].map(|session| format!("{session}/{name}"));
+    let error = |a: &str, b: &str| {
+        let compared = json(&biflag(folder, &["compare", a, b, "--json"]), 0);
+        ["yaw", "pitch", "roll"].map(|angle| number(&compared["trials"][0][format!("steady_{angle}_error_deg")]))
+    };
+    let (of_model, of_rig) = (error(&rig, &replay), error(&replay, &rig));
+    assert!((0..3).all(|k| (of_model[k] + of_rig[k]).abs() < 1e-9), "{of_model:?} and {of_rig:?}");
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
     let compared = json(&biflag(folder, &["compare", "rig", "--robot", "thick.toml", "--json"]), 0);
     let verdict = compared["trials"][0]["verdict"].as_str().unwrap();

@@ -1,7 +1,7 @@
 //! The content of a log as columns over the trial's clock, and its metadata.
 
 use super::bounds::Times;
-use super::findings::Finding;
+use super::finding::Finding;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};

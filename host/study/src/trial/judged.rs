@@ -2,7 +2,8 @@
 
 use super::angles::Angles;
 use super::data::{Data, Want};
-use super::findings::{self, Finding, LogFinding, Rule, TABLE};
+use super::finding::{Finding, LogFinding};
+use super::findings::{self, Section, TABLE};
 use super::zero::Zeroed;
 use biflag_log::LogError;
 use std::ops::Range;
@@ -41,7 +42,7 @@ impl Judged {
     }
 
     /// Judges a trial by a table. `after`: the time in which the robot may be still again.
-    pub(crate) fn by(table: &[&[Rule]], data: Data, after: Range<f64>) -> Self {
+    fn by(table: &[Section], data: Data, after: Range<f64>) -> Self {
         let mut angles = Zeroed::with_end(&data, after);
         let mut found = findings::all(table, &data, &angles);
         let is_unsure = found.iter().any(Finding::empties_uncertainty);
@@ -69,6 +70,7 @@ mod tests {
     use super::*;
     use crate::export::table::{Summary, Values, session};
     use crate::plan::Plan;
+    use crate::trial::findings::Rule;
     use crate::trial::{Collector, FindingKind, Records};
     use biflag_log::FORMAT;
     use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, event::Kind};
@@ -95,8 +97,8 @@ mod tests {
         static ROW: [Rule; 1] = [Rule::warning(FindingKind::Conduct, "mend it", |data, _| {
             Some(format!("{} readings", data.readings.len()))
         })];
-        let [table, row]: [Vec<&[Rule]>; 2] = [TABLE.to_vec(), vec![&ROW]];
-        let of = |table: &[&[Rule]]| Judged::by(table, data(), 20.0..20.0);
+        let [table, row] = [TABLE.to_vec(), vec![Section { is_judged: |_| true, rules: &ROW }]];
+        let of = |table: &[Section]| Judged::by(table, data(), 20.0..20.0);
         let (before, after, alone) = (of(&table), of(&[table.clone(), row.clone()].concat()), of(&row));
         assert_eq!(after.findings.len(), before.findings.len() + 1);
         let said = after.findings.last().unwrap().to_string();

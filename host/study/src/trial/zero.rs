@@ -225,10 +225,13 @@ impl Zeroed {
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         let stated = Stated::of(data.records.import.as_ref());
         let stated_deg = stated.and_then(|stated| stated.yaw()).map_or(0.0, |yaw| yaw.uncertainty_deg());
-        let yaw_s = time_constants(data).map_or(f64::INFINITY, |constants| constants.yaw_s);
+        let not_back = |_| {
+            let yaw_s = time_constants(data).map_or(f64::INFINITY, |constants| constants.yaw_s);
+            back_at_zero::not_back(data, angles_deg.track(0), stated_deg, yaw_s)
+        };
         let rest = AtRest {
             is_missing: zero.is_none() && data.times.has_run(),
-            not_back: zero.and_then(|_| back_at_zero::not_back(data, angles_deg.track(0), stated_deg, yaw_s)),
+            not_back: zero.and_then(not_back),
             motion,
             ..AtRest::default()
         };

@@ -1,10 +1,10 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
-use super::FindingKind::Conduct;
-use super::Rule;
-use crate::attitude::{Euler, rotation};
+use super::{Rule, Section};
+use crate::attitude::{Euler, LARGEST_TILT_DEG, rotation, tilt_deg};
 use crate::text::count;
 use crate::trial::data::Data;
+use crate::trial::finding::FindingKind::{Conduct, Upright};
 use crate::trial::import_rest::REST_S;
 use crate::trial::zero::Zeroed;
 use biflag_log::ImportMeta;
@@ -35,62 +35,41 @@ const ZERO_DEG: f64 = 0.5;
 
 const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
-pub(super) static RULES: [Rule; 11] = [
+pub(super) const SECTION: Section = Section { is_judged: |data| data.records.import.is_some(), rules: &RULES };
+
+static RULES: [Rule; 11] = [
     Rule::warning(Conduct, "import one run at constant speeds: name it with --run", |data, zeroed| {
-        imported(data)?;
         other_speed(data, &zeroed.steady.as_ref()?.window)
     }),
-    Rule::warning(Conduct, "import a table with four rows or more for a turn", |data, _| {
-        imported(data)?;
-        sparse(data)
-    }),
-    Rule::warning(Conduct, "let the run begin where the motors start", |data, _| {
-        imported(data)?;
-        turned_before(data)
-    }),
-    Rule::warning(Conduct, "leave lost readings empty in the table, and check the units of the angles", |data, _| {
-        imported(data)?;
-        lost(data).filter(|lost| lost.is_jump).map(|lost| lost.text)
-    }),
-    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| {
-        imported(data)?;
-        lost(data).filter(|lost| !lost.is_jump).map(|lost| lost.text)
-    }),
-    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| {
-        imported(data)?;
-        zeros(data)
-    }),
+    Rule::warning(Conduct, "import a table with four rows or more for a turn", |data, _| sparse(data)),
+    Rule::warning(Conduct, "let the run begin where the motors start", |data, _| turned_before(data)),
+    Rule::each(Conduct, None, |data| Vec::from_iter(lost(data))),
+    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| zeros(data)),
+    Rule::warning(Upright, "give the angles in a frame whose z axis points up", |_, zeroed| askew(zeroed)),
     Rule::note(
         Conduct,
         "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty",
-        |data, zeroed| {
-            imported(data)?;
-            side_of_tilt(zeroed)
-        },
+        |_, zeroed| side_of_tilt(zeroed),
     ),
     Rule::note(Conduct, "", |data, _| {
-        let rows = imported(data)?.left_out as usize;
+        let rows = data.records.import.as_ref()?.left_out as usize;
         (rows > 0).then(|| format!("{} of the table without a value, left out", count(rows, "row")))
     }),
     Rule::note(Conduct, "", |data, _| {
-        let constant = &imported(data)?.constant;
+        let constant = &data.records.import.as_ref()?.constant;
         let were = if constant.len() == 1 { "was" } else { "were" };
         let text = || format!("{} {were} not measured: one value in all rows", constant.join(", "));
         (!constant.is_empty()).then(text)
     }),
     Rule::note(Conduct, "check that the table is of this trial, its unit and its instrument", |data, _| {
-        other_yaw(imported(data)?)
+        other_yaw(data.records.import.as_ref()?)
     }),
     Rule::note(Conduct, "state it with --uncertainty", |data, _| {
-        let import = imported(data)?;
+        let import = data.records.import.as_ref()?;
         let is_stated = import.yaw_uncertainty_deg.is_some() && import.tilt_uncertainty_deg.is_some();
         (!is_stated).then(|| "the import states no uncertainty of its instrument".to_owned())
     }),
 ];
-
-fn imported(data: &Data) -> Option<&ImportMeta> {
-    data.records.import.as_ref()
-}
 
 /// Returns by how much the yaw differs from that of the recording, if that is more than its uncertainty.
 fn other_yaw(import: &ImportMeta) -> Option<String> {
@@ -117,6 +96,21 @@ fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
             )
         })
     })
+}
+
+/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
+fn askew(zeroed: &Zeroed) -> Option<String> {
+    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
+    let deg = tilt_deg(pitch_deg, roll_deg);
+    let frame = match deg {
+        small if small <= LARGEST_TILT_DEG => return None,
+        down if down >= 180.0 - LARGEST_TILT_DEG => {
+            ": the z axis of the angles points down, and the yaw has the other sign"
+        }
+        side if (side - 90.0).abs() <= LARGEST_TILT_DEG => ": another axis of the angles than z points up",
+        _ => "",
+    };
+    Some(format!("the robot is tilted by {deg:.1} degrees at rest, where it hangs upright{frame}"))
 }
 
 /// Returns what is wrong if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
@@ -160,31 +154,28 @@ fn turned_before(data: &Data) -> Option<String> {
     Some(format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1))
 }
 
-/// Readings that are no measurement.
-struct Lost {
-    /// Whether the attitude jumps; else it stands.
-    is_jump: bool,
-    text: String,
-}
-
-/// Returns what is wrong if the attitude jumps, or is constant in the run: the readings were lost, or have another unit.
-fn lost(data: &Data) -> Option<Lost> {
+/// Returns what is wrong if the attitude jumps, or is constant in the run: the readings were lost, or have another
+/// unit. The remedy follows the colon.
+fn lost(data: &Data) -> Option<String> {
     let (run, readings) = (&data.times.run, &data.readings);
     let mut stood_from = 0;
     for (i, pair) in (1..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));
         let angle_deg = rotation_between(&rotation(before), &rotation(now)).norm().to_degrees();
         if angle_deg > JUMP_DEG && angle_deg / (now_s - before_s) > JUMP_DPS {
-            let text = format!("the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns");
-            return Some(Lost { is_jump: true, text });
+            return Some(format!(
+                "the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
+                 units of the angles"
+            ));
         }
         if now != before {
             stood_from = i;
         }
         let from_s = readings[stood_from].0;
         if i - stood_from >= STOOD_ROWS && now_s - from_s.max(run.start) > STOOD_S && run.contains(&now_s) {
-            let text = format!("the attitude does not change for more than {STOOD_S} s from {from_s:.1} s on");
-            return Some(Lost { is_jump: false, text });
+            return Some(format!(
+                "the attitude does not change for more than {STOOD_S} s from {from_s:.1} s on: {LEAVE_EMPTY}"
+            ));
         }
     }
     None

@@ -1,8 +1,8 @@
 //! Findings about a trial's log and its conduct.
 
-use super::FindingKind::Conduct;
-use super::{REPEAT, Rule};
+use super::{REPEAT, Rule, Section};
 use crate::trial::data::{Data, Event};
+use crate::trial::finding::FindingKind::Conduct;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use std::ops::Range;
@@ -12,7 +12,9 @@ pub const DAMAGED_FRAME: &str = "a frame was damaged";
 
 const CABLE: &str = "check the cable";
 
-pub(super) static RULES: [Rule; 13] = [
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+
+static RULES: [Rule; 13] = [
     Rule::warning(Conduct, REPEAT, |data, _| {
         let is_cut_off = data.condition == Condition::CutOff;
         is_cut_off.then(|| "the log is cut off; the rest is used".to_owned())
@@ -34,9 +36,9 @@ pub(super) static RULES: [Rule; 13] = [
     }),
     Rule::note(Conduct, "", |data, _| data.gaps()),
     Rule::warning(Conduct, "import a table with more rows", |data, _| {
-        long_gap(data).filter(|_| data.origin() == Origin::Imported)
+        (data.origin() == Origin::Imported).then(|| long_gap(data))?
     }),
-    Rule::warning(Conduct, REPEAT, |data, _| long_gap(data).filter(|_| data.origin() != Origin::Imported)),
+    Rule::warning(Conduct, REPEAT, |data, _| (data.origin() != Origin::Imported).then(|| long_gap(data))?),
     Rule::warning(Conduct, "use the version of biflag that recorded it", |data, _| newer(data)),
     Rule::each(Conduct, Some(REPEAT), |data| data.warnings.clone()),
     Rule::each(Conduct, Some("check the motor and its encoder"), |data| {

@@ -4,7 +4,6 @@
 //! [`super::Judged`] trial in the order of the table.
 
 mod axes;
-mod finding;
 mod import;
 mod log;
 mod rest;
@@ -12,31 +11,29 @@ mod sensor;
 mod sensor_gap;
 mod window;
 
-pub use finding::{Finding, FindingKind, LogFinding};
 pub use log::DAMAGED_FRAME;
 
 use super::data::Data;
+use super::finding::{Finding, FindingKind, Gravity};
 use super::zero::Zeroed;
 
 const REPEAT: &str = "repeat the trial";
 
-/// The rows of all subjects.
-pub(crate) const TABLE: [&[Rule]; 5] = [&log::RULES, &sensor::RULES, &import::RULES, &rest::RULES, &window::RULES];
+/// The sections of the table.
+pub(super) static TABLE: [Section; 5] =
+    [log::SECTION, sensor::SECTION, import::SECTION, rest::SECTION, window::SECTION];
 
-/// How much a finding matters.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Gravity {
-    /// The trial's numbers may be wrong, and no uncertainty of its angles can be stated.
-    Warning,
-    /// The user must know of it, but the uncertainties of the angles hold.
-    Loss,
-    /// The numbers take it into account, for instance by an unknown uncertainty.
-    Note,
+/// Rows for one kind of trials.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Section {
+    /// Whether the rows apply to a trial.
+    pub is_judged: fn(&Data) -> bool,
+    pub rules: &'static [Rule],
 }
 
 /// A row of the table.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rule {
+pub(super) struct Rule {
     kind: FindingKind,
     gravity: Gravity,
     /// The remedy; empty if there is none, `None` if it follows a colon in the text.
@@ -59,7 +56,7 @@ impl Rule {
     }
 
     /// Creates a row for a trial whose numbers may be wrong.
-    pub(crate) const fn warning(kind: FindingKind, cure: &'static str, test: One) -> Self {
+    pub(super) const fn warning(kind: FindingKind, cure: &'static str, test: One) -> Self {
         Self::new(kind, Gravity::Warning, cure, test)
     }
 
@@ -86,11 +83,12 @@ impl Rule {
 }
 
 /// Returns the findings about a trial by a table.
-pub(super) fn all(table: &[&[Rule]], data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
+pub(super) fn all(table: &[Section], data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let said = |rule: &Rule| match rule.test {
         Test::One(test) => Vec::from_iter(test(data, zeroed)),
         Test::Each(test) => test(data),
     };
     let of_rule = |rule| said(rule).into_iter().map(move |said| rule.finding(said));
-    data.identity.iter().cloned().chain(table.iter().copied().flatten().flat_map(of_rule)).collect()
+    let rules = table.iter().filter(|section| (section.is_judged)(data)).flat_map(|section| section.rules);
+    data.identity.iter().cloned().chain(rules.flat_map(of_rule)).collect()
 }

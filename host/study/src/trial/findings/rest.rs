@@ -1,9 +1,9 @@
 //! Findings about the still phases from which zero and drift are estimated.
 
-use super::FindingKind::{Rest, Return, Upright};
-use super::Rule;
-use crate::attitude::{LARGEST_TILT_DEG, Motion, tilt_deg};
+use super::{Rule, Section};
+use crate::attitude::Motion;
 use crate::trial::data::Data;
+use crate::trial::finding::FindingKind::{Rest, Return};
 use crate::trial::rest::{AtRest, Unknown};
 use crate::trial::zero::Zeroed;
 use biflag_log::RestMeta;
@@ -18,9 +18,11 @@ const LONG_REST: &str = "give the plan a calibration of 5 s, or a pre-roll of 20
 const AT_MOST: &str = "let the robot come to rest before the trial: see rest_at_most in the plan";
 const LONGER: &str = "let the robot rest longer before the run";
 
-pub(super) static RULES: [Rule; 18] = [
-    Rule::warning(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() > GRAVE)),
-    Rule::note(Rest, WAIT, |data, _| waited(data, |motion| motion.relative() <= GRAVE)),
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+
+static RULES: [Rule; 17] = [
+    Rule::warning(Rest, WAIT, |data, _| waited(data, true)),
+    Rule::note(Rest, WAIT, |data, _| waited(data, false)),
     Rule::note(Rest, WAIT, |data, _| {
         let rest = not_still(data).filter(|rest| motion(rest).is_none())?;
         let waited_s = rest.waited_s;
@@ -106,9 +108,6 @@ pub(super) static RULES: [Rule; 18] = [
              {nearest_deg:.1} can be left; the zero or the {sensor}"
         ))
     }),
-    Rule::warning(Upright, "give the angles in a frame whose z axis points up", |data, zeroed| {
-        data.records.import.as_ref().and_then(|_| askew(zeroed))
-    }),
     Rule::note(
         Rest,
         "import a table that begins a second before the motors start, or name the run with --run",
@@ -117,8 +116,8 @@ pub(super) static RULES: [Rule; 18] = [
             zeroed.rest.is_missing.then(|| text.to_owned())
         },
     ),
-    Rule::warning(Rest, LONGER, |_, zeroed| moved(zeroed, |motion| motion.relative() > GRAVE)),
-    Rule::note(Rest, LONGER, |_, zeroed| moved(zeroed, |motion| motion.relative() <= GRAVE)),
+    Rule::warning(Rest, LONGER, |_, zeroed| moved(zeroed, true)),
+    Rule::note(Rest, LONGER, |_, zeroed| moved(zeroed, false)),
 ];
 
 fn not_still(data: &Data) -> Option<&RestMeta> {
@@ -129,10 +128,10 @@ fn motion(rest: &RestMeta) -> Option<Motion> {
     Some(Motion { yaw_dps: rest.yaw_dps?, tilt_dps: rest.tilt_dps? })
 }
 
-/// Returns how the robot moved after the recorder's wait for its rest, in words.
-fn waited(data: &Data, is_meant: fn(&Motion) -> bool) -> Option<String> {
+/// Returns how the robot moved after the recorder's wait for its rest, in words, if that is grave or not.
+fn waited(data: &Data, is_grave: bool) -> Option<String> {
     let rest = not_still(data)?;
-    let Motion { yaw_dps, tilt_dps } = motion(rest).filter(is_meant)?;
+    let Motion { yaw_dps, tilt_dps } = motion(rest).filter(|motion| (motion.relative() > GRAVE) == is_grave)?;
     let waited_s = rest.waited_s;
     Some(format!(
         "the robot was not still after a wait of {waited_s:.1} s: its yaw turned at up to {yaw_dps:.2} °/s, its tilt at up to \
@@ -140,24 +139,9 @@ fn waited(data: &Data, is_meant: fn(&Motion) -> bool) -> Option<String> {
     ))
 }
 
-/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
-fn askew(zeroed: &Zeroed) -> Option<String> {
-    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
-    let deg = tilt_deg(pitch_deg, roll_deg);
-    let frame = match deg {
-        small if small <= LARGEST_TILT_DEG => return None,
-        down if down >= 180.0 - LARGEST_TILT_DEG => {
-            ": the z axis of the angles points down, and the yaw has the other sign"
-        }
-        side if (side - 90.0).abs() <= LARGEST_TILT_DEG => ": another axis of the angles than z points up",
-        _ => "",
-    };
-    Some(format!("the robot is tilted by {deg:.1} degrees at rest, where it hangs upright{frame}"))
-}
-
-/// Returns how an imported robot moved before its run, in words.
-fn moved(zeroed: &Zeroed, is_meant: fn(&Motion) -> bool) -> Option<String> {
-    let motion = zeroed.rest.motion.filter(is_meant)?;
+/// Returns how an imported robot moved before its run, in words, if that is grave or not.
+fn moved(zeroed: &Zeroed, is_grave: bool) -> Option<String> {
+    let motion = zeroed.rest.motion.filter(|motion| (motion.relative() > GRAVE) == is_grave)?;
     let [yaw, tilt] = [Motion { tilt_dps: 0.0, ..motion }, Motion { yaw_dps: 0.0, ..motion }];
     let moved: Vec<String> = [("yaw", yaw, motion.yaw_dps), ("tilt", tilt, motion.tilt_dps)]
         .iter()

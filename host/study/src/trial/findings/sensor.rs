@@ -1,9 +1,9 @@
 //! Findings about the sensor of a recorded trial: its mounting, its file, its readings and the board's filter.
 
-use super::FindingKind::{Conduct, Identity, Upright};
-use super::{Rule, axes, sensor_gap};
+use super::{Rule, Section, axes, sensor_gap};
 use crate::sensor::MeasuredSensor;
 use crate::trial::data::Data;
+use crate::trial::finding::FindingKind::{Conduct, Identity, Upright};
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use std::ops::Range;
@@ -13,12 +13,14 @@ const LEAST_GAIN: f32 = 0.5;
 
 const ONE_MOUNTING: &str = "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial";
 
-pub(super) static RULES: [Rule; 7] = [
+pub(super) const SECTION: Section = Section { is_judged: is_of_robot, rules: &RULES };
+
+static RULES: [Rule; 7] = [
     Rule::warning(
         Upright,
         "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial",
         |data, _| {
-            let level = of_robot(data).and_then(|data| data.records.level.as_ref()).filter(|level| !level.used);
+            let level = data.records.level.as_ref().filter(|level| !level.used);
             let text = |deg| format!("tilt at rest of {deg:.1} degrees, too large for an offset of the accelerometer");
             level.map(|level| text(level.tilt_deg))
         },
@@ -26,7 +28,7 @@ pub(super) static RULES: [Rule; 7] = [
     Rule::warning(
         Identity,
         "measure this sensor with `biflag sensor`, name its file in the plan, and repeat the trial",
-        |data, _| of_robot(data).and_then(other_sensor),
+        |data, _| other_sensor(data),
     ),
     Rule::warning(Conduct, ONE_MOUNTING, |data, _| {
         let text = |[found_deg, allowed_deg]: [f64; 2]| {
@@ -35,7 +37,7 @@ pub(super) static RULES: [Rule; 7] = [
                  {found_deg:.1} degrees of tilt, where {allowed_deg:.1} are possible"
             )
         };
-        of_robot(data).and_then(axes::contradiction).map(text)
+        axes::contradiction(data).map(text)
     }),
     Rule::warning(Conduct, "check the sensor's wiring and supply, and repeat the trial", |data, _| {
         let text = |Range { start, end }| {
@@ -45,24 +47,20 @@ pub(super) static RULES: [Rule; 7] = [
                  off from then on"
             )
         };
-        of_robot(data).and_then(sensor_gap::longest).map(text)
+        sensor_gap::longest(data).map(text)
     }),
-    Rule::warning(Conduct, ONE_MOUNTING, |data, _| settings(data).and_then(two_mountings)),
+    Rule::warning(Conduct, ONE_MOUNTING, |data, _| data.settings().and_then(two_mountings)),
     Rule::warning(Conduct, "set attitude_kp to 1, and repeat the trial", |data, _| {
-        settings(data).and_then(slow_filter)
+        data.settings().and_then(slow_filter)
     }),
     Rule::warning(Conduct, "set attitude_ki to 0, and repeat the trial", |data, _| {
-        settings(data).and_then(learning_filter)
+        data.settings().and_then(learning_filter)
     }),
 ];
 
-/// Returns the data of a recorded run of the robot. A sensor turned by hand may have any mounting.
-fn of_robot(data: &Data) -> Option<&Data> {
-    (data.is_recorded() && data.speeds() != [CentiRpm(0); 2] && data.times.has_run()).then_some(data)
-}
-
-fn settings(data: &Data) -> Option<Settings> {
-    of_robot(data)?.settings()
+/// Returns whether a trial is a recorded run of the robot. A sensor turned by hand may have any mounting.
+fn is_of_robot(data: &Data) -> bool {
+    data.is_recorded() && data.speeds() != [CentiRpm(0); 2] && data.times.has_run()
 }
 
 /// Returns what shows that the sensor's file gives a wrong gravity: its errors are removed from the angles.

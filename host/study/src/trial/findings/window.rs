@@ -1,10 +1,10 @@
 //! Findings about the averaging window of the steady angles.
 
-use super::FindingKind::Window;
-use super::{REPEAT, Rule};
+use super::{REPEAT, Rule, Section};
 use crate::text::decimal;
 use crate::trial::angles::Steady;
 use crate::trial::data::Data;
+use crate::trial::finding::FindingKind::Window;
 use crate::trial::usable::OVERTURNED;
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
@@ -16,7 +16,9 @@ const LEAST_SHARE: f64 = 0.9;
 /// Time between readings above which telemetry counts as missing, s: ten frames of a board.
 const GAP_S: f64 = 0.05;
 
-pub(super) static RULES: [Rule; 3] = [
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+
+static RULES: [Rule; 3] = [
     Rule::warning(Window, OVERTURNED, |data, _| data.upright().err().map(|error| error.reason)),
     Rule::note(Window, "give the trial a longer run", |data, zeroed| {
         zeroed.steady.as_ref().and_then(|steady| unsettled(data, steady))

@@ -156,7 +156,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         budget: ANGLES.into_iter().zip(&causes).flat_map(terms).collect(),
         differences,
         is_beyond_chance: false,
-        findings: [measured.findings.clone(), modelled.findings.clone()].concat(),
+        findings: [&measured.findings[..], &modelled.findings].concat(),
         sides: Sides::of(a, b),
         origin: [a, b].map(|data| data.origin().name()),
         verdict: String::new(),

@@ -1,6 +1,5 @@
 //! One finding about a trial.
 
-use super::Gravity;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -22,6 +21,17 @@ pub enum FindingKind {
     Upright,
     /// The yaw after the run: a robot comes back to its zero.
     Return,
+}
+
+/// How much a finding matters.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Gravity {
+    /// The trial's numbers may be wrong, and no uncertainty of its angles can be stated.
+    Warning,
+    /// The user must know of it, but the uncertainties of the angles hold.
+    Loss,
+    /// The numbers take it into account, for instance by an unknown uncertainty.
+    Note,
 }
 
 /// A finding about a trial.
