@@ -133,8 +133,13 @@ impl Browser {
         self.call(method, params);
         while self.receive("load")["method"] != "Page.loadEventFired" {}
         // The second frame is drawn after the scripts have started.
-        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
+        self.drawn();
         begun.elapsed()
+    }
+
+    /// Waits until the page has drawn itself.
+    fn drawn(&mut self) {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
     }
 
     /// Evaluates an expression in the page.
@@ -212,12 +217,13 @@ impl Browser {
         found.as_array().expect("a list").iter().map(|one| one.as_str().unwrap_or_default().to_owned()).collect()
     }
 
-    /// Sets the size of the window; a phone has a touch screen.
+    /// Sets the size of the window, and waits until the page has it; a phone has a touch screen.
     pub fn window(&mut self, width: u32, height: u32, phone: bool) {
         let scale = if phone { 3 } else { 1 };
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone });
         self.call("Emulation.setDeviceMetricsOverride", size);
         self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": phone }));
+        self.drawn();
     }
 
     /// Sets the preferred colour scheme.
