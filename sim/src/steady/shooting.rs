@@ -140,6 +140,8 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             {
                 let (distance, samples) = (distance.max(assumed), output.unwrap_or_default());
                 let unmoved = unmoved.filter(|_| has_touched);
+                // The witness is as accurate as a trial.
+                trial.set_accuracy(&ordinary);
                 return Ok(Outcome::Found(Box::new(Found { trial, before, distance, samples, unmoved })));
             }
             if simulated_s + period > patience_s {

@@ -1,11 +1,13 @@
 //! The witness of a search: the trial's own path, from before the first step of the search.
 //!
 //! A step of a search may lead to where another stable motion begins; robots whose flagella touch have more than one. So the
-//! state that no step has moved goes on without steps, and its means over a period are compared with those of the motion. They
-//! agree as soon as their difference is within both ±, or has fallen to [`FALLEN`] of what it was: modes that are left decay in
-//! 18 s or less, and a path that ends elsewhere keeps most of its distance.
+//! state that no step has moved goes on without steps, as accurate as a trial, and its means over a period are compared with those
+//! of the motion. They agree as soon as their difference is within both ±, or has fallen to [`FALLEN`] of what it was: modes that
+//! are left decay in 18 s or less, and a path that ends elsewhere keeps most of its distance. They agree earlier where the changes
+//! of the last periods already lead to within both ±.
 
 use super::{SolveError, Watch, run};
+use crate::V3;
 use crate::functions::exp;
 use crate::step::state::State;
 use crate::trial::Trial;
@@ -35,7 +37,7 @@ pub fn agrees(
     let (period, from) = (trial.profile().end() - trial.profile().start(), state.time);
     let whole = SpeedProfile::constant(rpm, from + LONGEST_S + period)?.from_angles(start_rad);
     let mut witness = trial.clone();
-    let mut earlier: Option<(f64, Steady)> = None;
+    let mut path: Vec<V3> = Vec::new();
     loop {
         witness = witness.followed_by(whole.between(state.time, state.time + period)?, state);
         if run(&mut witness, f64::INFINITY, None, watch)?.is_err() {
@@ -46,26 +48,33 @@ pub fn agrees(
         if now.is_overturned() || found.is_overturned() {
             return Ok((witness, false));
         }
-        let difference = distance(&now, found, found);
-        let first = earlier.as_ref().map_or(difference, |(first, _)| *first);
-        if difference <= (FALLEN * first).max(1.0) {
+        path.push(difference(&now, found));
+        let [first, last] = [path[0], path[path.len() - 1]].map(|difference| difference.amax());
+        if last <= (FALLEN * first).max(1.0) || end(&path, period).is_some_and(|end| end.amax() <= 1.0) {
             return Ok((witness, true));
         }
-        if let Some((_, last)) = &earlier {
-            let left = distance(&now, last, found) / (1.0 - exp(-period / LONGEST_DECAY_S));
-            if difference - left > 1.0 || witness.state().time + period > from + LONGEST_S {
+        if let [.., before, now] = path[..] {
+            let left = (now - before).amax() / (1.0 - exp(-period / LONGEST_DECAY_S));
+            if last - left > 1.0 || witness.state().time + period > from + LONGEST_S {
                 return Ok((witness, false));
             }
         }
-        earlier = Some((first, now));
         state = witness.state().clone();
     }
 }
 
-/// Returns the largest difference of the angles of two motions, over twice the ± of `stated`.
-fn distance(one: &Steady, other: &Steady, stated: &Steady) -> f64 {
-    let angles = one.attitude.iter().zip(&other.attitude).zip(&stated.attitude);
-    angles
-        .map(|((one, other), stated)| (one.mean - other.mean).abs() / (2.0 * stated.uncertainty()))
-        .fold(0.0, f64::max)
+/// Returns where a path of differences ends if each change is as much smaller than the one before as the last one was (Aitken's
+/// extrapolation); `None` for a path of less than three points.
+fn end(path: &[V3], period: f64) -> Option<V3> {
+    let [.., one, two, three] = path else { return None };
+    let (earlier, later) = (two - one, three - two);
+    let kept = (later.dot(&earlier) / earlier.norm_squared().max(f64::MIN_POSITIVE))
+        .clamp(0.0, exp(-period / LONGEST_DECAY_S));
+    Some(three + later * (kept / (1.0 - kept)))
+}
+
+/// Returns the difference of the angles of two motions, over twice the ± of the second one.
+fn difference(one: &Steady, other: &Steady) -> V3 {
+    let angles = one.attitude.iter().zip(&other.attitude);
+    V3::from_iterator(angles.map(|(one, other)| (one.mean - other.mean) / (2.0 * other.uncertainty())))
 }
