@@ -49,7 +49,7 @@ fn comparison_of_format_1_logs_is_unchanged() {
 #[test]
 fn modelled_log_has_the_steady_state_of_the_solver() {
     let folder = tempfile::tempdir().unwrap();
-    let info = biflag(folder.path(), &["info", "modelled.mcap", "--json"], 0);
+    let info = biflag(folder.path(), &["info", "modelled.mcap", "--json"], 3);
     for (key, deg) in [
         ("yaw_deg", -43.185_455_578_453_55),
         ("pitch_deg", -1.857_671_266_958_100_8),
@@ -60,6 +60,6 @@ fn modelled_log_has_the_steady_state_of_the_solver() {
     biflag(folder.path(), &["report", "modelled.mcap", "--json"], 3);
     let page = std::fs::read_to_string(folder.path().join("modelled.html")).unwrap();
     assert!(page.contains("\"rigid\":false"));
-    let replayed = biflag(folder.path(), &["compare", "modelled.mcap", "--json"], 0);
+    let replayed = biflag(folder.path(), &["compare", "modelled.mcap", "--json"], 3);
     expect(&replayed["trials"][0]["steady_yaw_error_deg"], 0.0, 0.3);
 }

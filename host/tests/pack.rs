@@ -121,7 +121,9 @@ fn a_trial_without_a_log_is_named() {
     let grave = |args: &[&str]| -> (Option<i32>, Vec<String>) {
         let output = biflag(folder, &[args, &["--json"]].concat());
         let found = json(&output)["findings"].as_array().unwrap().clone();
-        let grave = found.iter().filter(|one| one["grave"] == true).map(|one| one["text"].to_string()).collect();
+        // Both trials are too short to settle.
+        let others = found.iter().filter(|one| one["grave"] == true && one["kind"] != "window");
+        let grave = others.map(|one| one["text"].to_string()).collect();
         (code(&output), grave)
     };
     for args in commands {

@@ -144,6 +144,16 @@ impl Run {
         assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.stdout, self.stderr);
         self
     }
+
+    /// Panics unless all that is wrong is that trials are too short to settle.
+    #[track_caller]
+    pub fn expect_unsettled(self) -> Self {
+        let said = self.stdout.replace("{\"cure\"", "\n{\"cure\"") + &self.stderr;
+        let is_grave = |line: &&str| line.contains("warning: ") || line.contains("\"grave\":true");
+        let others: Vec<&str> = said.lines().filter(is_grave).filter(|line| !line.contains("not settled")).collect();
+        assert!(others.is_empty(), "{others:?}");
+        self.expect_code(3)
+    }
 }
 
 /// Sends a signal to a run that has not ended. Starting `kill` takes too long on a busy computer.

@@ -99,7 +99,7 @@ fn record(trouble: Trouble) {
         pass(&mut nano, 0.4);
         signal(&recording, Signal::CONT);
     }
-    let run = Run::of(recording).expect_code(0);
+    let run = Run::of(recording).expect_unsettled();
     let trial = &run.json()["trials"][0];
     assert_eq!((&trial["complete"], &trial["lost"]), (&true.into(), &0.into()), "{trouble:?}: {run:?}");
     assert_eq!(Course::of(&logs(&session)[0]), Course::planned(), "{trouble:?}");

@@ -76,7 +76,9 @@ fn a_trial_waits_until_the_robot_is_still() {
     // The first run is gentle, so that the board takes the motion after it for a bias.
     let phases = "calibrate = 2\npreroll = 8\nrun = 8\ndecay = 3";
     let pairs = "[[11.3, 7.9], [-51.7, 83.9]]";
-    let trials = record(&bench, &plan(&bench, phases, pairs), &["--out", "waits"], 0);
+    let trials = record(&bench, &plan(&bench, phases, pairs), &["--out", "waits"], 3);
+    let graves = trials.iter().flat_map(|trial| trial["findings"].as_array().unwrap()).filter(|f| f["grave"] == true);
+    assert!(graves.clone().all(|finding| finding["kind"] == "window"), "{trials:?}");
     let starts: Vec<f64> = trials.iter().map(|trial| trial["run_start_s"].as_f64().unwrap()).collect();
     println!("runs start at {starts:?} s");
     assert!(
@@ -94,7 +96,10 @@ fn a_trial_waits_until_the_robot_is_still() {
 
     let phases = format!("{phases}\nrest_at_most = 0");
     let trials = record(&bench, &plan(&bench, &phases, pairs), &["--out", "hurries"], 3);
-    assert_eq!(trials[0]["warnings"], serde_json::json!([]), "{trials:?}");
+    assert!(
+        trials[0]["warnings"].as_array().unwrap().iter().all(|w| w.to_string().contains("not settled")),
+        "{trials:?}"
+    );
     let second = &trials[1];
     assert!(
         second["findings"].as_array().unwrap().iter().any(|f| f["kind"] == "rest" && f["grave"] == true),

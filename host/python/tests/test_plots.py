@@ -48,6 +48,8 @@ biflag.Table({"w1_rpm": [1.0], "yaw_deg": [2.0]}).plot()
     assert run.returncode == 1 and "ImportError: a plot needs matplotlib: pip install biflag[plot]" in run.stderr
 
 
+# A short trial has not settled.
+@pytest.mark.filterwarnings("ignore:.*not settled")
 def test_figures_are_those_of_the_program(recorded: Path, tmp_path: Path) -> None:
     session = biflag.read_session(recorded)
     for name, subject, *words, options in (
@@ -66,9 +68,11 @@ def test_figures_are_those_of_the_program(recorded: Path, tmp_path: Path) -> Non
         figure.save(tmp_path / "figure.jpg")
 
 
+@pytest.mark.filterwarnings("ignore:.*not settled")
 def test_simulated_trials_are_drawn_without_a_file() -> None:
     trials = [biflag.simulate(robot, (50, 10), 12) for robot in (ROBOT, biflag.Robot.physical())]
-    alone = biflag.figure("trial", trials[0])
+    with pytest.warns(UserWarning, match="not settled"):
+        alone = biflag.figure("trial", trials[0])
     assert "\nlog unsaved/w1+50_w2+10.mcap" in alone.svg
     with pytest.raises(biflag.Error, match="robots differ"):
         biflag.figure("trial", trials[0], against=trials[1])

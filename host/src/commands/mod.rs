@@ -58,7 +58,7 @@ Exit codes:
     0  done
     1  failed
     2  wrong use: an argument, a plan or another named file is wrong, or no board is found
-    3  done, with losses, warnings or problems: lost frames, a damaged log, a model that did not settle
+    3  done, with losses, warnings or problems: lost frames, a damaged log, a trial that did not settle
   130  interrupted by the user; the motors are stopped and all files closed";
 
 /// The commands, in the order of a typical workflow.

@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             report::write(&args.path, Kind::Comparison, Some(&comparison), views, args.out.as_deref())?
         }
     };
-    let is_sound = written.is_sound && are_slight(&written.findings);
+    let is_sound = written.warnings == 0 && are_slight(&written.findings);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
     let notes = written.findings.iter().filter(|of_log| !of_log.finding.grave).count();
     let counts = [(written.warnings, "warning"), (notes, "note")].into_iter().filter(|(number, _)| *number > 0);

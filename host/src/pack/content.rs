@@ -148,7 +148,7 @@ impl Content {
     fn add_page(&mut self, folder: &Path) -> Result<(), PackError> {
         let file = self.made.join("report.html");
         let written = report::write(folder, Kind::Report, None, Vec::new(), Some(&file))?;
-        self.is_sound = written.is_sound;
+        self.is_sound = written.warnings == 0;
         self.findings = written.findings;
         self.add("report.html", file, "The session as a page to open in a browser");
         Ok(())

@@ -46,8 +46,8 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
         };
         let angles = trial.steady_angles().unwrap_or_default();
         let remark = match trial.findings.iter().filter(|finding| finding.grave).count() {
-            0 if angles.settled => String::new(),
-            0 => "not settled".to_owned(),
+            0 => String::new(),
+            1 if !angles.settled => "not settled".to_owned(),
             grave => text::count(grave, "warning"),
         };
         let [yaw, pitch, roll] = angles.cells();

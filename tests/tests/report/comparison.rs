@@ -24,7 +24,8 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     assert_eq!(browser.evaluate(fits), json!(true), "the table fits the window");
     let top = "document.querySelector('section.trial:not([hidden]) .view3d').getBoundingClientRect().top";
     let top = browser.evaluate(top).as_f64().unwrap();
-    assert!(top < 500.0, "the page opens on the robot, which begins at {top} of 900 pixels");
+    // Below the warning that its trial has not settled.
+    assert!(top < 600.0, "the page opens on the robot, which begins at {top} of 900 pixels");
     let stops = browser.evaluate(STOPS).as_u64().unwrap();
     assert!(stops <= MOST_STOPS, "{stops} stops of the Tab key");
     // One plain sentence first, and no sentence twice.

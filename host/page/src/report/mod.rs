@@ -97,8 +97,6 @@ pub struct Written {
     pub warnings: usize,
     /// Findings about the logs that it shows, and about those that it leaves out.
     pub findings: Vec<LogFinding>,
-    /// Whether nothing on it may be wrong.
-    pub is_sound: bool,
 }
 
 /// Which page is written. The two have different names, so that neither replaces the other.
@@ -166,7 +164,7 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportErr
         Some(view) => view,
         None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
     };
-    let counts = Counts { trials: 1, warnings: graves(&view), is_sound: is_sound(&view) };
+    let counts = Counts { trials: 1, warnings: graves(&view) };
     put(out, &page_of_log(&view), counts, view.findings)
 }
 
@@ -268,11 +266,8 @@ fn of_session(
     // A model may be the other side of several repeats.
     let mut seen = std::collections::HashSet::new();
     findings.retain(|one| seen.insert((one.log.clone(), one.finding.to_string())));
-    let counts = Counts {
-        trials: shown().count(),
-        warnings: unreadable + shown().map(|(_, view)| graves(view)).sum::<usize>(),
-        is_sound: unreadable == 0 && shown().all(|(_, view)| is_sound(view)),
-    };
+    let counts =
+        Counts { trials: shown().count(), warnings: unreadable + shown().map(|(_, view)| graves(view)).sum::<usize>() };
     put(out, &page, counts, findings)
 }
 
@@ -343,25 +338,18 @@ fn is_page(path: &Path) -> std::io::Result<bool> {
 struct Counts {
     trials: usize,
     warnings: usize,
-    is_sound: bool,
 }
 
 fn graves(view: &View) -> usize {
     view.warnings.iter().filter(|warning| warning.is_grave).count()
 }
 
-fn is_sound(view: &View) -> bool {
-    // A model that has not settled was asked for a steady state that it does not have.
-    let settled = !view.is_model() || view.is_settled();
-    settled && graves(view) == 0
-}
-
 fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, ReportError> {
     // Texts of plans and logs may hold anything.
     let text = printable(&page.0);
     output::replace(out, |file| file.write_all(text.as_bytes()))?;
-    let Counts { trials, warnings, is_sound } = counts;
-    Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings, findings, is_sound })
+    let Counts { trials, warnings } = counts;
+    Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings, findings })
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     put(
         out,
         &document::page(&clip(&about.title(), 200), "one", &body(&about, inputs, results), &data),
-        Counts { trials: rows, warnings: 0, is_sound: true },
+        Counts { trials: rows, warnings: 0 },
         Vec::new(),
     )
 }

@@ -20,7 +20,7 @@ pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES
 
 static RULES: [Rule; 3] = [
     Rule::warning(Window, OVERTURNED, |data, _| data.upright().err().map(|error| error.reason)),
-    Rule::note(Window, "give the trial a longer run", |data, zeroed| {
+    Rule::loss(Window, "give the trial a longer run", |data, zeroed| {
         zeroed.steady.as_ref().and_then(|steady| unsettled(data, steady))
     }),
     Rule::warning(Window, REPEAT, |data, zeroed| {
