@@ -18,6 +18,7 @@
 //! | [`trial`], [`attitude`] | what a log says: angles from a measured zero, with their uncertainty |
 //! | [`twin`] | whether experiment and model agree; which parameters make them agree |
 //! | [`sweep`], [`aim`] | steady states over many speeds and robots; speeds for an attitude |
+//! | `swing` | whether the motion of a robot agrees with the speeds that a trial states |
 //! | [`steer`] | the speeds of the next moment, so that an attitude is reached and held |
 //! | [`export`], [`output`] | tables and files for other programs |
 //! | [`import`] | trials that other instruments measured |
@@ -44,6 +45,7 @@ pub mod session;
 pub mod statistics;
 pub mod steer;
 pub mod sweep;
+mod swing;
 pub mod text;
 pub mod trial;
 pub mod twin;

@@ -21,6 +21,8 @@ pub enum FindingKind {
     Upright,
     /// The yaw after the run: a robot comes back to its zero.
     Return,
+    /// The swing of the robot: each flagellum swings it once a turn.
+    Swing,
 }
 
 /// How much a finding matters.

@@ -9,6 +9,7 @@ mod log;
 mod rest;
 mod sensor;
 mod sensor_gap;
+mod swing;
 mod window;
 
 pub use log::DAMAGED_FRAME;
@@ -20,8 +21,8 @@ use super::zero::Zeroed;
 const REPEAT: &str = "repeat the trial";
 
 /// The sections of the table.
-pub(super) static TABLE: [Section; 5] =
-    [log::SECTION, sensor::SECTION, import::SECTION, rest::SECTION, window::SECTION];
+pub(super) static TABLE: [Section; 6] =
+    [log::SECTION, sensor::SECTION, import::SECTION, rest::SECTION, swing::SECTION, window::SECTION];
 
 /// Rows for one kind of trials.
 #[derive(Clone, Copy, Debug)]

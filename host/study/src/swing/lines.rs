@@ -1,0 +1,356 @@
+//! Lines of two frequencies, their sums and differences, fitted to a motion.
+
+use super::motion::Motion;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use sim::functions::{atan2, cos, sin_cos};
+use std::f64::consts::TAU;
+
+/// Multiples of the two frequencies; one of each pair of opposite ones.
+const MIXED: [[i32; 2]; 12] =
+    [[1, 0], [0, 1], [2, 0], [0, 2], [1, 1], [1, -1], [3, 0], [0, 3], [2, 1], [2, -1], [1, 2], [1, -2]];
+
+/// The fastest motor that is looked for, Hz.
+const FASTEST_HZ: f64 = 1.75;
+
+/// A shaking has at most this share of its power beside one phase; a swing turns, and has a half.
+const SHAKING_BESIDE: f64 = 0.001;
+
+/// A complex number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Complex {
+    /// Real part.
+    pub re: f64,
+    /// Imaginary part.
+    pub im: f64,
+}
+
+impl Complex {
+    /// Returns its square.
+    pub fn power(self) -> f64 {
+        self.re * self.re + self.im * self.im
+    }
+
+    /// Returns its magnitude.
+    pub fn size(self) -> f64 {
+        self.power().sqrt()
+    }
+
+    /// Returns it with so much less power.
+    fn less(self, power: f64) -> Self {
+        let kept = (1.0 - power / (self.power() + 1e-30)).max(0.0).sqrt();
+        Self { re: self.re * kept, im: self.im * kept }
+    }
+
+    /// Returns its angle against another one, degrees.
+    pub fn angle_deg(self, other: Self) -> f64 {
+        let (re, im) = (self.re * other.re + self.im * other.im, self.im * other.re - self.re * other.im);
+        atan2(im, re).to_degrees()
+    }
+}
+
+/// A line that turns with a frequency: of the rates in the plane, wx + i wy, at this frequency and at the opposite one; and of
+/// the rate about z.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Line {
+    /// Which multiples of the two frequencies it has.
+    pub of: [i32; 2],
+    /// Of wx + i wy at its frequency.
+    pub turns: Complex,
+    /// Of wx + i wy at the opposite frequency.
+    pub opposite: Complex,
+    /// Of the rate about z.
+    pub about_z: Complex,
+}
+
+/// A fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The two frequencies, Hz, with their signs. Zero: no line.
+    pub hz: [f64; 2],
+    /// The lines that can be told apart. One that two motors share is listed once.
+    pub lines: Vec<Line>,
+    /// Share of the square of the motion that is left: in the plane, about z.
+    pub left: [f64; 2],
+}
+
+impl Fit {
+    /// Returns the line of a motor.
+    pub fn motor(&self, motor: usize) -> Option<&Line> {
+        self.lines.iter().find(|line| line.of[motor] == 1 && line.of[1 - motor] == 0)
+    }
+}
+
+/// Fits lines to one motion.
+pub struct Fitter<'a> {
+    motion: &'a Motion,
+    rates: DMatrix<f64>,
+    slow: DMatrix<f64>,
+    window: Vec<f64>,
+    /// Sums of squares without the slow change.
+    square: [f64; 3],
+    /// Squares that noise explains.
+    noise: f64,
+}
+
+impl<'a> Fitter<'a> {
+    /// Prepares fits.
+    pub fn new(motion: &'a Motion) -> Self {
+        let degree = if motion.length_s < 30.0 { 3 } else { 5 };
+        let half = motion.length_s / 2.0;
+        let slow = legendre(&motion.t.iter().map(|t| t / half).collect::<Vec<_>>(), degree);
+        let count = motion.t.len() as f64;
+        let noise = 2.0 * motion.angle_variance * count / (super::motion::INTERVAL_S * super::motion::INTERVAL_S);
+        let rates = DMatrix::from_fn(motion.t.len(), 3, |i, axis| motion.rates[axis][i]);
+        let hann = |i: usize| 1.0 - cos(TAU * (i as f64 + 0.5) / count);
+        let window = (0..motion.t.len()).map(hann).collect();
+        Self { motion, rates, slow, window, square: [0.0; 3], noise }.with_squares()
+    }
+
+    /// Returns the root mean square of the swing: in the plane, and about z, °/s.
+    pub fn swing_dps(&self) -> [f64; 2] {
+        let count = self.motion.t.len() as f64;
+        let [x, y, z] = self.square.map(|square| (square - self.noise).max(0.0) / count);
+        [(x + y).sqrt(), z.sqrt()]
+    }
+
+    /// Returns the length of the motion, s.
+    pub fn length_s(&self) -> f64 {
+        self.motion.length_s
+    }
+
+    /// Returns the power at a frequency, at its opposite and about z, as shares of the swing.
+    fn power(&self, hz: f64, rates: &DMatrix<f64>) -> [f64; 3] {
+        let count = self.motion.t.len();
+        let rates = rates.as_slice();
+        let mut sums = [Complex::default(); 3];
+        let (mut s, mut c) = sin_cos(TAU * hz * self.motion.t[0]);
+        let (ds, dc) = sin_cos(TAU * hz * super::motion::INTERVAL_S);
+        for (i, hann) in self.window.iter().enumerate() {
+            let (hs, hc) = (hann * s, hann * c);
+            for (axis, sum) in sums.iter_mut().enumerate() {
+                sum.re += rates[axis * count + i] * hc;
+                sum.im -= rates[axis * count + i] * hs;
+            }
+            (s, c) = (s * dc + c * ds, c * dc - s * ds);
+        }
+        let [x, y, z] = sums;
+        let plus = Complex { re: x.re - y.im, im: x.im + y.re };
+        let minus = Complex { re: x.re + y.im, im: y.re - x.im };
+        let plane = count as f64 * (self.square[0] + self.square[1]) + 1e-12;
+        [plus.power() / plane, minus.power() / plane, 2.0 * z.power() / (count as f64 * self.square[2] + 1e-12)]
+    }
+
+    /// Returns the frequency, of the sign of this one, with most power within a reach.
+    pub fn strongest_near(&self, hz: f64, reach_hz: f64) -> f64 {
+        let step = 0.25 / self.motion.length_s;
+        let steps = (reach_hz / step).floor() as i32;
+        let power = |f: f64| {
+            let [plus, _, about_z] = self.power(f, &self.rates);
+            plus + about_z
+        };
+        let all = (-steps..=steps).map(|k| hz + f64::from(k) * step);
+        all.map(|f| (power(f), f)).max_by(|a, b| a.0.total_cmp(&b.0)).map_or(hz, |(_, f)| f)
+    }
+
+    /// Returns the frequencies of the strongest lines, each found beside those that are stronger.
+    pub fn strongest(&self, count: usize) -> Vec<f64> {
+        let length_s = self.motion.length_s;
+        let step = 0.35 / length_s;
+        let grid: Vec<f64> = (2..(FASTEST_HZ / step) as i32).map(|k| f64::from(k) * step).collect();
+        let mut found: Vec<f64> = Vec::new();
+        while let Some(solved) = self.solve(&found).filter(|_| found.len() < count) {
+            let power = |f: f64| self.power(f, &solved.residuals).iter().sum::<f64>();
+            let far = grid.iter().filter(|f| found.iter().all(|other| (*f - other).abs() * length_s > 0.5));
+            let Some((_, f)) = far.map(|f| (power(*f), *f)).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            // Between the points of the grid, by a parabola.
+            let [a, b, c] = [f - step, f, f + step].map(power);
+            let bend = a - 2.0 * b + c;
+            found.push(if bend < 0.0 { f + step * (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { f });
+        }
+        found
+    }
+
+    /// Takes lines of this list as slow change, where all axes move to and fro together: a shaking, as a gear makes once a turn
+    /// of its motor, is no swing.
+    pub fn without_shaking(mut self, found: &[f64]) -> Self {
+        let Some(solved) = self.solve(found) else { return self };
+        for i in 0..found.len() {
+            let of_axis = |axis: usize| (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);
+            let all = [0, 1, 2].map(of_axis);
+            let sum = |of: &dyn Fn(&(f64, f64)) -> f64| all.iter().map(of).sum::<f64>();
+            let (cc, ss, cs) = (sum(&|v| v.0 * v.0), sum(&|v| v.1 * v.1), sum(&|v| v.0 * v.1));
+            // What is left of the power beside the best phase.
+            let beside = (1.0 - ((cc - ss) * (cc - ss) + 4.0 * cs * cs).sqrt() / (cc + ss)) / 2.0;
+            let [x, y, z] = all.map(|v| v.0 * v.0 + v.1 * v.1);
+            if beside < SHAKING_BESIDE && z > 0.05 * (x + y) {
+                let (from, count) = (2 * i, self.slow.ncols());
+                self.slow = self.slow.insert_columns(count, 2, 0.0);
+                self.slow.columns_mut(count, 2).copy_from(&solved.columns.columns(from, 2));
+            }
+        }
+        self.with_squares()
+    }
+
+    fn with_squares(mut self) -> Self {
+        if let Some(solved) = self.solve(&[]) {
+            self.square = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());
+        }
+        self
+    }
+
+    /// Fits lines of two frequencies, which move by at most `reach_hz` from where they start. Zero: this motor stands.
+    pub fn refined(&self, hz: [f64; 2], reach_hz: [f64; 2], steps: usize) -> Option<Fit> {
+        let mut at = hz;
+        let mut best: Option<(f64, Fit)> = None;
+        for step in 0..=steps {
+            let lines = self.told_apart(at);
+            let Some(solved) = self.solve(&lines.iter().map(|line| line.1).collect::<Vec<_>>()) else { break };
+            let fit = self.fit(at, &lines, &solved);
+            let cost = fit.left[0] + fit.left[1];
+            let moves = if step < steps { self.step(at, &lines, &solved) } else { [0.0; 2] };
+            let is_worse = best.as_ref().is_some_and(|(least, _)| cost > *least * 1.02);
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, fit));
+            }
+            let before = at;
+            let cap = 0.25 / self.motion.length_s;
+            for motor in 0..2 {
+                let limits = [hz[motor] - reach_hz[motor], hz[motor] + reach_hz[motor]];
+                at[motor] = (at[motor] + moves[motor].clamp(-cap, cap)).clamp(limits[0], limits[1]);
+            }
+            if is_worse || (0..2).all(|motor| (at[motor] - before[motor]).abs() < 1e-6) {
+                break;
+            }
+        }
+        best.map(|(_, fit)| fit)
+    }
+
+    /// Returns the lines that are at frequencies of their own, simple ones first, with their frequencies.
+    fn told_apart(&self, hz: [f64; 2]) -> Vec<([i32; 2], f64)> {
+        let mut lines: Vec<([i32; 2], f64)> = Vec::new();
+        for of in MIXED {
+            if (0..2).any(|motor| of[motor] != 0 && hz[motor] == 0.0) {
+                continue;
+            }
+            let at = f64::from(of[0]) * hz[0] + f64::from(of[1]) * hz[1];
+            let is_motor = of[0].abs() + of[1].abs() == 1;
+            let apart = if is_motor { 0.5 } else { 0.35 } / self.motion.length_s;
+            let is_in_reach = at.abs() > 0.7 / self.motion.length_s && at.abs() < 4.5;
+            if is_in_reach && lines.iter().all(|(_, other)| (at.abs() - other.abs()).abs() > apart) {
+                lines.push((of, at));
+            }
+        }
+        lines
+    }
+
+    fn solve(&self, hz: &[f64]) -> Option<Solved> {
+        let count = self.motion.t.len();
+        let mut columns = Vec::with_capacity(count * (2 * hz.len() + self.slow.ncols()));
+        for &f in hz {
+            let (mut s, mut c) = sin_cos(TAU * f * self.motion.t[0]);
+            let (ds, dc) = sin_cos(TAU * f * super::motion::INTERVAL_S);
+            let start = columns.len();
+            columns.resize(start + 2 * count, 0.0);
+            let (cosine, sine) = columns[start..].split_at_mut(count);
+            for (cosine, sine) in cosine.iter_mut().zip(sine) {
+                (*cosine, *sine) = (c, s);
+                (s, c) = (s * dc + c * ds, c * dc - s * ds);
+            }
+        }
+        columns.extend_from_slice(self.slow.as_slice());
+        let columns = DMatrix::from_vec(count, 2 * hz.len() + self.slow.ncols(), columns);
+        let transposed = columns.transpose();
+        let mut normal = &transposed * &columns;
+        (0..normal.nrows()).for_each(|i| normal[(i, i)] *= 1.0 + 1e-4);
+        let cholesky = normal.cholesky()?;
+        let values = cholesky.solve(&(&transposed * &self.rates));
+        let residuals = &self.rates - &columns * &values;
+        Some(Solved { columns, transposed, cholesky, values, residuals })
+    }
+
+    fn fit(&self, hz: [f64; 2], lines: &[([i32; 2], f64)], solved: &Solved) -> Fit {
+        // Noise of angles grows with the frequency, and would look like strong sums of both speeds.
+        let noise = |f: f64| 8.0 * self.motion.angle_variance * TAU * TAU * f * f / self.motion.t.len() as f64;
+        let line = |(i, (of, f)): (usize, &([i32; 2], f64))| {
+            let of_axis =
+                |axis: usize| Complex { re: solved.values[(2 * i, axis)], im: -solved.values[(2 * i + 1, axis)] };
+            let [x, y, about_z] = [0, 1, 2].map(of_axis);
+            let turns = Complex { re: (x.re - y.im) / 2.0, im: (x.im + y.re) / 2.0 };
+            let opposite = Complex { re: (x.re + y.im) / 2.0, im: (y.re - x.im) / 2.0 };
+            let is_motor = of[0].abs() + of[1].abs() == 1;
+            let turns = if is_motor { turns } else { turns.less(noise(*f)) };
+            let is_shared = is_motor && (hz[0] + hz[1]).abs() * self.motion.length_s < 1.0;
+            let opposite = if is_shared { opposite } else { opposite.less(noise(*f)) };
+            Line { of: *of, turns, opposite, about_z }
+        };
+        let [x, y, z] = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());
+        let share = |left: f64, all: f64, axes: f64| {
+            // Less than the noise that is expected: a fit may explain some of it by chance.
+            let noise = axes * self.noise * (1.0 - 3.0 * (2.0 / self.motion.t.len() as f64).sqrt()).max(0.0);
+            (left - noise).max(0.0) / (all - noise).max(1e-12)
+        };
+        let left = [share(x + y, self.square[0] + self.square[1], 2.0), share(z, self.square[2], 1.0)];
+        Fit { hz, lines: lines.iter().enumerate().map(line).collect(), left }
+    }
+
+    /// Returns a step of both frequencies, by Gauss and Newton, from the two motors' own lines only: mixed lines would follow a
+    /// shaking of the board.
+    fn step(&self, hz: [f64; 2], lines: &[([i32; 2], f64)], solved: &Solved) -> [f64; 2] {
+        let mut normal = [[0.0; 2]; 2];
+        let mut right = [0.0; 2];
+        for axis in 0..3 {
+            let all = if axis < 2 { self.square[0] + self.square[1] } else { self.square[2] };
+            let weight = 1.0 / (all + 1e-12);
+            let derivative = |motor: usize| -> Option<DVector<f64>> {
+                let i = lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0)?;
+                let (a, b) = (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);
+                let (cosine, sine) = (solved.columns.column(2 * i), solved.columns.column(2 * i + 1));
+                let along = |k: usize| TAU * self.motion.t[k] * (b * cosine[k] - a * sine[k]);
+                let column = DVector::from_fn(self.motion.t.len(), |k, _| along(k));
+                let held = solved.cholesky.solve(&(&solved.transposed * &column));
+                Some(column - &solved.columns * held)
+            };
+            let by = [0, 1].map(|motor| if hz[motor] == 0.0 { None } else { derivative(motor) });
+            for i in 0..2 {
+                let Some(own) = &by[i] else { continue };
+                right[i] += weight * own.dot(&solved.residuals.column(axis));
+                for j in 0..2 {
+                    normal[i][j] += by[j].as_ref().map_or(0.0, |other| weight * own.dot(other));
+                }
+            }
+        }
+        let [[a, b], [_, d]] = normal;
+        let determinant = a * d - b * b;
+        if determinant > 1e-6 * a * d {
+            [(d * right[0] - b * right[1]) / determinant, (a * right[1] - b * right[0]) / determinant]
+        } else if a > 0.0 && d == 0.0 && hz[1] != 0.0 {
+            // One line for both: they move together.
+            let by = right[0] / a;
+            [by, if hz[0] * hz[1] > 0.0 { by } else { -by }]
+        } else {
+            [if a > 0.0 { right[0] / a } else { 0.0 }, if d > 0.0 { right[1] / d } else { 0.0 }]
+        }
+    }
+}
+
+struct Solved {
+    columns: DMatrix<f64>,
+    transposed: DMatrix<f64>,
+    cholesky: Cholesky<f64, Dyn>,
+    /// A column is an axis, as in the residuals.
+    values: DMatrix<f64>,
+    residuals: DMatrix<f64>,
+}
+
+/// Returns Legendre polynomials up to a degree.
+fn legendre(x: &[f64], degree: usize) -> DMatrix<f64> {
+    let mut all = DMatrix::from_element(x.len(), degree + 1, 1.0);
+    for (i, x) in x.iter().enumerate() {
+        all[(i, 1)] = *x;
+        for n in 1..degree {
+            let k = n as f64;
+            all[(i, n + 1)] = ((2.0 * k + 1.0) * x * all[(i, n)] - k * all[(i, n - 1)]) / (k + 1.0);
+        }
+    }
+    all
+}

@@ -1,0 +1,180 @@
+//! Each flagellum swings the base once a turn: the motion of a robot says how fast which motor turned, and in which sense.
+//!
+//! Of wx + i wy, the rates in the plane, a motor has a line at its own frequency, on the side of its sense. The line about z,
+//! against the one in the plane, tells one motor from the other. [`label`] asks whether the speeds of a label explain the motion
+//! better than those of any usual mistake would.
+
+mod causes;
+mod lines;
+mod motion;
+mod score;
+#[cfg(test)]
+mod tests;
+
+pub use causes::Cause;
+
+use crate::attitude::Columns;
+use causes::{FASTEST_RPM, SLOWEST_RPM};
+use lines::{Fit, Fitter};
+use motion::Motion;
+use score::{least_dps, score};
+use std::ops::Range;
+
+/// A cause is named where its score is better than the label's by this.
+const MARGIN: f64 = 10.0;
+
+/// The same of a cause about one motor where both are equally fast; and, where the flagella touch, of one that a sum or a difference
+/// of both speeds can look like.
+const MARGIN_WHERE_HARD: f64 = 25.0;
+
+/// Lines among which a shaking is looked for.
+const SHAKING: usize = 5;
+
+/// Causes that are fitted exactly.
+const REFINED: usize = 6;
+
+/// A cause explains a motion of two speeds that are nearly one only where less than this share of it is left.
+const NEAR_LEFT: f64 = 0.15;
+
+/// Causes whose scores are nearer than this are named together.
+const ALIKE: f64 = 8.0;
+
+/// The score of a label beyond what motors do: another reading must look like two motors by itself.
+const TOO_FAST: f64 = 0.0;
+
+/// Beyond this noise of the angles, averaged over a tenth of a second, a motor alone is not judged.
+const NOISY_DEG: f64 = 0.3;
+
+/// A trial whose label is asked about.
+#[derive(Clone, Debug)]
+pub struct Labelled<'a> {
+    /// Yaw, pitch and roll.
+    pub angles_deg: &'a Columns<3>,
+    /// From where the motion has settled to the end of the run, in the times of the angles.
+    pub settled_s: Range<f64>,
+    /// Speeds of motors 1 and 2 as labelled, rpm.
+    pub rpm: [f64; 2],
+    /// How far a right label may be off: its share, and rpm beside it.
+    pub off: (f64, f64),
+    /// Whether flagella that turn at these speeds touch.
+    pub touches: bool,
+}
+
+impl Labelled<'_> {
+    /// Returns whether a cause is no more than a right label may be off.
+    fn allows(&self, cause: Cause) -> bool {
+        let Cause::Factor { motors, factor } = cause else { return false };
+        let fastest = (0..2).filter(|&k| motors[k]).map(|k| self.rpm[k].abs()).fold(0.0, f64::max);
+        (factor - 1.0).abs() < self.off.0 + self.off.1 / fastest
+    }
+}
+
+/// What a motion says of a label.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Label {
+    /// Nothing explains the motion clearly better.
+    Right,
+    /// One of these causes does.
+    /// The best one comes first; nobody could tell the others from it.
+    Wrong(Vec<Cause>),
+    /// It swings far less than a robot does whose motors turn.
+    HardlySwings,
+    /// The motion does not tell.
+    NotJudged(&'static str),
+}
+
+/// Returns what a motion says of its label.
+pub fn label(trial: &Labelled) -> Label {
+    let Some(motion) = Motion::of(trial.angles_deg, trial.settled_s.clone()) else {
+        return Label::NotJudged("too few readings");
+    };
+    if let Some(at_s) = motion.stops() {
+        let at_s = trial.settled_s.end - motion.length_s + at_s;
+        return Label::Wrong(vec![Cause::StopEarly { at_s }]);
+    }
+    let fitter = Fitter::new(&motion);
+    let fastest_rpm = trial.rpm[0].abs().max(trial.rpm[1].abs());
+    let (swing, least) = (fitter.swing_dps(), least_dps(fastest_rpm.min(FASTEST_RPM)));
+    if (0..2).all(|k| swing[k] < least[k]) {
+        return Label::HardlySwings;
+    }
+    let found = fitter.strongest(SHAKING);
+    let fitter = fitter.without_shaking(&found);
+    let readings = Readings { fitter: &fitter, trial };
+    let label = match readings.at(trial.rpm, 3) {
+        Some((label, _)) => label,
+        None if fastest_rpm > FASTEST_RPM => TOO_FAST,
+        None => return Label::NotJudged("the label's lines fall together"),
+    };
+    let is_near = |rpm: [f64; 2]| (rpm[0] - rpm[1]).abs() / 60.0 * motion.length_s < 1.0;
+    let are_near = is_near(trial.rpm);
+    let are_alike = is_near(trial.rpm.map(f64::abs));
+    let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
+    if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
+        return Label::NotJudged("noise hides the swing of slow motors");
+    }
+    // All roughly, the best exactly.
+    let causes = causes::causes(trial.rpm)
+        .into_iter()
+        .filter(|(cause, _)| !(are_alike && *cause == Cause::Swapped || is_noisy && cause.is_of_one()));
+    let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();
+    rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+    rough.truncate(REFINED);
+    let exact = rough.into_iter().filter_map(|(_, cause, rpm)| {
+        let (score, fit) = readings.at(rpm, 3)?;
+        // Two motors of one sense whose lines fall together may swing against each other, and leave other lines.
+        let may_hide = are_near && (is_near(rpm) || cause.is_of_one());
+        if are_near && cause.is_of_one() && trial.touches {
+            return None;
+        }
+        let is_explained = !may_hide || fit.left.iter().all(|left| *left < NEAR_LEFT);
+        let is_hard = cause.is_of_one() && are_alike || cause.is_mixed() && trial.touches;
+        let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
+        let cause = with_factor(cause, trial.rpm, &fit);
+        (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause))
+    });
+    let mut exact: Vec<(f64, Cause)> = exact.collect();
+    exact.sort_by(|a, b| b.0.total_cmp(&a.0));
+    match exact.first() {
+        Some(&(by, _)) => {
+            Label::Wrong(exact.iter().filter(|other| other.0 > by - ALIKE).map(|other| other.1).collect())
+        }
+        None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
+        None => Label::Right,
+    }
+}
+
+/// Returns a cause with the factor as measured.
+fn with_factor(cause: Cause, rpm: [f64; 2], fit: &Fit) -> Cause {
+    let Cause::Factor { motors, .. } = cause else { return cause };
+    // The faster motor tells it more exactly.
+    let told = (0..2).filter(|&k| motors[k] && rpm[k] != 0.0);
+    let fastest = told.max_by(|&a, &b| rpm[a].abs().total_cmp(&rpm[b].abs()));
+    fastest.map_or(cause, |k| Cause::Factor { motors, factor: fit.hz[k] * 60.0 / rpm[k] })
+}
+
+struct Readings<'a> {
+    fitter: &'a Fitter<'a>,
+    trial: &'a Labelled<'a>,
+}
+
+impl Readings<'_> {
+    /// Returns the best score of speeds near these, and its fit.
+    fn at(&self, rpm: [f64; 2], steps: usize) -> Option<(f64, Fit)> {
+        let length_s = self.fitter.length_s();
+        let reach_hz = rpm.map(|w| (w.abs() * self.trial.off.0 + self.trial.off.1) / 60.0);
+        let mut hz = rpm.map(|w| w / 60.0);
+        let are_near = (hz[0].abs() - hz[1].abs()).abs() * length_s < 1.5;
+        let strongest = if hz[0].abs() > hz[1].abs() { 0 } else { 1 };
+        let moved = |k: usize| self.fitter.strongest_near(hz[k], reach_hz[k]);
+        if are_near {
+            let by = moved(strongest) / hz[strongest];
+            hz = hz.map(|f| f * by);
+        } else {
+            hz = [0, 1].map(|k| if hz[k] == 0.0 { 0.0 } else { moved(k) });
+        }
+        let left_hz = [0, 1].map(|k| (reach_hz[k] - (hz[k] - rpm[k] / 60.0).abs()).max(0.0));
+        let fit = self.fitter.refined(hz, left_hz, steps)?;
+        Some((score(&fit), fit))
+    }
+}

@@ -1,0 +1,140 @@
+//! The motion that is judged: rates about the body's axes at a steady interval, without their slow change.
+
+use crate::attitude::Columns;
+use sim::body::attitude::{of_euler_zyx, rotation_between};
+use std::ops::Range;
+
+/// Interval of the readings after averaging, s: harmonics of the fastest motor stay below half of its inverse.
+pub const INTERVAL_S: f64 = 0.1;
+
+/// The latest part of a run that is looked at, s.
+const LONGEST_S: f64 = 60.0;
+
+/// The shortest part that says anything, s.
+const SHORTEST_S: f64 = 10.0;
+
+/// Rates about x, y and z.
+pub struct Motion {
+    /// Times from the middle of the part.
+    pub t: Vec<f64>,
+    /// Rates in °/s; a column is an axis.
+    pub rates: [Vec<f64>; 3],
+    /// Length of the part, s.
+    pub length_s: f64,
+    /// Variance of the noise of an averaged angle, °².
+    pub angle_variance: f64,
+}
+
+impl Motion {
+    /// Averages a part of the readings of yaw, pitch and roll (°). Returns `None` where it is too short, or has too few of them.
+    pub fn of(angles_deg: &Columns<3>, part_s: Range<f64>) -> Option<Self> {
+        let start_s = part_s.start.max(part_s.end - LONGEST_S);
+        let count = ((part_s.end - start_s) / INTERVAL_S).floor().max(0.0) as usize;
+        if (count as f64) * INTERVAL_S < SHORTEST_S {
+            return None;
+        }
+        let bins = Bins { time_s: &angles_deg.time_s, start_s, count };
+        let [x, y, z] = turned(&angles_deg.values);
+        let rates = [bins.mean(&x)?, bins.mean(&y)?, bins.mean(&z)?].map(|turned| differences(&turned));
+        let count = rates[0].len();
+        let t = (0..count).map(|i| (i as f64 - (count - 1) as f64 / 2.0) * INTERVAL_S).collect();
+        let angle_variance = rates.iter().map(|rate| noise(rate)).sum::<f64>() / 3.0;
+        Some(Self { t, rates, length_s: count as f64 * INTERVAL_S, angle_variance })
+    }
+}
+
+/// Length of the pieces in which a stop is looked for, s.
+const PIECE_S: f64 = 3.0;
+
+impl Motion {
+    /// Returns when the swing ends, since the start of the part: from there on it is a fifth of what it was before.
+    pub fn stops(&self) -> Option<f64> {
+        let size = (PIECE_S / INTERVAL_S) as usize;
+        let piece = |from: usize| -> f64 {
+            let of_axis = |rate: &Vec<f64>| {
+                // The median does not see what one slip of a marker does.
+                let mut changes: Vec<f64> =
+                    rate[from..from + size].windows(4).map(|few| (few[3] - few[0]).abs()).collect();
+                changes.sort_by(f64::total_cmp);
+                changes[changes.len() / 2]
+            };
+            self.rates.iter().map(of_axis).sum()
+        };
+        let sizes: Vec<f64> = (0..self.rates[0].len() / size).map(|i| piece(i * size)).collect();
+        let is_still = |i: usize| {
+            let (before, after) = sizes.split_at(i);
+            let mut before = before.to_vec();
+            before.sort_by(f64::total_cmp);
+            after.iter().all(|size| *size * 5.0 < before[before.len() / 2])
+        };
+        (1..sizes.len().saturating_sub(1)).find(|&i| is_still(i)).map(|i| i as f64 * PIECE_S)
+    }
+}
+
+/// Returns how far a body has turned about its own axes, °, from its yaw, pitch and roll.
+fn turned(angles_deg: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+    let attitude = |i: usize| of_euler_zyx(angles_deg.each_ref().map(|angle| angle[i].to_radians()));
+    let mut all = [vec![0.0], vec![0.0], vec![0.0]];
+    for i in 1..angles_deg[0].len() {
+        let (before, now) = (attitude(i - 1), attitude(i));
+        let step = rotation_between(&before, &now);
+        for (axis, column) in all.iter_mut().enumerate() {
+            column.push(column[i - 1] + step[axis].to_degrees());
+        }
+    }
+    all
+}
+
+/// Returns rates from angles an interval apart.
+fn differences(angles: &[f64]) -> Vec<f64> {
+    angles.windows(2).map(|pair| (pair[1] - pair[0]) / INTERVAL_S).collect()
+}
+
+/// Returns the variance of noise of the angles whose differences these rates are. Third differences hold hardly any motion.
+fn noise(rates: &[f64]) -> f64 {
+    let third: Vec<f64> = rates.windows(4).map(|r| (r[3] - 3.0 * r[2] + 3.0 * r[1] - r[0]) * INTERVAL_S).collect();
+    let mut squares: Vec<f64> = third.iter().map(|x| x * x).collect();
+    squares.sort_by(f64::total_cmp);
+    // The median of a square of a normal variable is 0.455 of its mean; (1 - z)^4 has coefficients 1, 4, 6, 4, 1.
+    squares.get(squares.len() / 2).map_or(0.0, |median| median / 0.455 / 70.0)
+}
+
+struct Bins<'a> {
+    time_s: &'a [f64],
+    start_s: f64,
+    count: usize,
+}
+
+impl Bins<'_> {
+    /// Returns the means of intervals. An interval without a reading takes the line between its neighbours. Returns `None`
+    /// where more than a tenth of them have none.
+    fn mean(&self, column: &[f64]) -> Option<Vec<f64>> {
+        let (mut sums, mut counts) = (vec![0.0; self.count], vec![0.0; self.count]);
+        let first = self.time_s.partition_point(|t| *t < self.start_s);
+        for (t, value) in self.time_s.iter().zip(column).skip(first) {
+            let bin = ((t - self.start_s) / INTERVAL_S) as usize;
+            if bin >= self.count {
+                break;
+            }
+            if value.is_finite() {
+                sums[bin] += value;
+                counts[bin] += 1.0;
+            }
+        }
+        let filled: Vec<usize> = (0..self.count).filter(|&bin| counts[bin] > 0.0).collect();
+        if filled.len() * 10 < self.count * 9 {
+            return None;
+        }
+        let mean = |bin: usize| sums[bin] / counts[bin];
+        let between = |bin: usize| {
+            let next = filled.partition_point(|&at| at < bin);
+            match (next.checked_sub(1).map(|i| filled[i]), filled.get(next).copied()) {
+                (_, Some(at)) if at == bin => mean(bin),
+                (Some(a), Some(b)) => mean(a) + (mean(b) - mean(a)) * (bin - a) as f64 / (b - a) as f64,
+                (Some(a), None) | (None, Some(a)) => mean(a),
+                (None, None) => 0.0,
+            }
+        };
+        Some((0..self.count).map(between).collect())
+    }
+}

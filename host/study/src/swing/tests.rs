@@ -1,0 +1,253 @@
+//! Labels of motions that the model computes, with the errors of an instrument.
+
+use super::*;
+use sim::body::closure::Closure;
+use sim::params::{Robot, Tank};
+use sim::trial::profile::SpeedProfile;
+use sim::trial::{Options, Trial};
+use std::collections::BTreeMap;
+
+const RATE_HZ: f64 = 20.0;
+const SETTLING_S: f64 = 15.0;
+
+/// Flagella of two turns with few edges, whose motion takes little time to compute.
+fn quick() -> Robot {
+    let mut robot = Robot::default();
+    robot.flagellum.axial_length_m = 0.152;
+    robot.flagellum.edge_length_m = 0.0075;
+    robot
+}
+
+struct Truth {
+    rpm: [f64; 2],
+    /// Yaw, pitch and roll, °.
+    angles_deg: [Vec<f64>; 3],
+}
+
+impl Truth {
+    fn of(robot: &Robot, rpm: [f64; 2], until_s: f64, stops_s: f64) -> Self {
+        let still = [0.0; 2];
+        let profile =
+            [(0.0, still), (0.5, rpm), (stops_s, rpm), (stops_s + 0.5, still), (until_s.max(stops_s + 1.0), still)];
+        let profile = SpeedProfile::from_points(&profile).unwrap();
+        let mut angles_deg: [Vec<f64>; 3] = Default::default();
+        let trial = Trial::new(robot, Closure::Full, profile, Options { rate_hz: RATE_HZ, shapes: false }).unwrap();
+        for sample in trial.map(Result::unwrap) {
+            let angles = [sample.yaw_rad, sample.pitch_rad, sample.roll_rad];
+            angles_deg.iter_mut().zip(angles).for_each(|(column, value)| column.push(value.to_degrees()));
+        }
+        Self { rpm, angles_deg }
+    }
+}
+
+/// How a motion is measured.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Way {
+    Recorded,
+    /// The speeds wander by 1 %, as one does whose battery gets empty.
+    Wandering,
+    /// A gear of 100.37:1 shakes the board once a turn of its motor, which 200 Hz fold to 44.4 rpm.
+    Shaken,
+    /// Angles with this noise, °, whose speeds are known within 2 %.
+    Imported(f64),
+}
+
+struct Trace {
+    angles_deg: Columns<3>,
+    /// Angle that the motors have turned, in s at the nominal speed.
+    turned_s: Vec<f64>,
+    is_import: bool,
+}
+
+/// Random numbers: seed, and how many were drawn.
+struct Random(u64, u64);
+
+fn uniform(random: &mut Random) -> f64 {
+    random.1 += 1;
+    sim::split_mix::uniform(random.0, random.1)
+}
+
+/// Twelve uniform numbers add up to a normal one.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| uniform(random)).sum::<f64>() - 6.0
+}
+
+impl Trace {
+    fn of(truth: &Truth, way: Way, seed: u64) -> Self {
+        let mut random = Random(seed, 0);
+        let count = truth.angles_deg[0].len();
+        let time_s: Vec<f64> = (0..count).map(|i| i as f64 / RATE_HZ).collect();
+        let mut turned_s = time_s.clone();
+        if way == Way::Wandering {
+            let held = (-1.0 / RATE_HZ / 10.0_f64).exp();
+            let mut change = 0.01 * normal(&mut random);
+            for i in 1..count {
+                turned_s[i] = turned_s[i - 1] + (1.0 + change) / RATE_HZ;
+                change = held * change + 0.01 * (1.0 - held * held).sqrt() * normal(&mut random);
+            }
+        }
+        let at = |column: usize, i: usize| {
+            let place = (turned_s[i] * RATE_HZ).clamp(0.0, (count - 2) as f64);
+            let (k, part) = (place as usize, place.fract());
+            truth.angles_deg[column][k] * (1.0 - part) + truth.angles_deg[column][k + 1] * part
+        };
+        let phase = std::f64::consts::TAU * uniform(&mut random);
+        // A recording drifts, and its noise is that of an integral.
+        let drift_dps = [0, 1, 2].map(|axis| if axis == 0 { 0.01 * normal(&mut random) } else { 0.0 });
+        let noise_deg = if let Way::Imported(noise_deg) = way { noise_deg } else { 0.002 };
+        let shaken = |i: usize| if way == Way::Shaken { (4.65 * time_s[i] + phase).sin() / 4.65 } else { 0.0 };
+        let values = [0, 1, 2].map(|axis| {
+            let angle = |i: usize| at(axis, i) + drift_dps[axis] * time_s[i] + shaken(i);
+            (0..count).map(|i| angle(i) + noise_deg * normal(&mut random)).collect()
+        });
+        Self { angles_deg: Columns { time_s, values }, turned_s, is_import: matches!(way, Way::Imported(_)) }
+    }
+
+    fn label(&self, rpm: [f64; 2], settled_s: Range<f64>) -> Label {
+        let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
+        let touches = Robot::default().flagellum.mesh(rpm);
+        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches })
+    }
+
+    /// Returns the speed by the nominal one, as an encoder has it.
+    fn speed(&self, part_s: &Range<f64>) -> f64 {
+        let part =
+            (part_s.start * RATE_HZ) as usize..((part_s.end * RATE_HZ) as usize).min(self.angles_deg.time_s.len());
+        let middle = (part_s.start + part_s.end) / 2.0;
+        let product = |of: &[f64]| part.clone().map(|i| (self.angles_deg.time_s[i] - middle) * of[i]).sum::<f64>();
+        product(&self.turned_s) / product(&self.angles_deg.time_s)
+    }
+}
+
+/// Returns whether a cause explains a label that is wrong in this way.
+fn says(causes: &[Cause], truth: [f64; 2], label: [f64; 2]) -> bool {
+    causes.iter().any(|cause| {
+        let of = |motors: [bool; 2], factor: f64| [0, 1].map(|k| if motors[k] { label[k] * factor } else { label[k] });
+        let explained = match *cause {
+            Cause::Factor { motors, factor } => of(motors, factor),
+            Cause::Sign(motors) => of(motors, -1.0),
+            Cause::Swapped => [label[1], label[0]],
+            Cause::Stands(k) => of([k == 0, k == 1], 0.0),
+            Cause::StopEarly { .. } => return false,
+        };
+        (0..2).all(|k| {
+            (explained[k] - truth[k]).abs() < 0.012 * truth[k].abs() + 0.02 * label[k].abs().min(truth[k].abs())
+        })
+    })
+}
+
+#[test]
+fn a_wrong_label_is_named_and_a_right_one_is_not() {
+    let truth = Truth::of(&quick(), [37.3, -23.9], 37.0, 37.0);
+    let settled_s = SETTLING_S..36.0;
+    for (way, seed, least) in [(Way::Recorded, 1, 1.05), (Way::Imported(0.05), 2, 1.5)] {
+        let trace = Trace::of(&truth, way, seed);
+        let [a, b] = truth.rpm;
+        assert_eq!(trace.label([a, b], settled_s.clone()), Label::Right, "{way:?}");
+        let factors = [0.5, 1.5, 2.0, 4.0, 6.0, 1.0 / 9.55, 1.0 / 60.0, least].map(|factor| [a * factor, b * factor]);
+        let others = [[-a, -b], [-a, b], [a, -b], [b, a], [2.0 * a, b]];
+        for label in factors.into_iter().chain(others) {
+            match trace.label(label, settled_s.clone()) {
+                Label::Wrong(causes) => assert!(says(&causes, [a, b], label), "{way:?}, {label:?}: {causes:?}"),
+                other => panic!("{way:?}, {label:?}: {other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn motors_that_stop_early_are_seen() {
+    let truth = Truth::of(&quick(), [37.3, -23.9], 50.0, 30.0);
+    let trace = Trace::of(&truth, Way::Recorded, 3);
+    let Label::Wrong(causes) = trace.label(truth.rpm, SETTLING_S..48.0) else { panic!("not seen") };
+    assert!(matches!(causes[..], [Cause::StopEarly { at_s }] if (27.0..36.0).contains(&at_s)), "{causes:?}");
+    let mut still = trace;
+    still.angles_deg.values = [0, 1, 2].map(|_| vec![0.0; still.turned_s.len()]);
+    assert_eq!(still.label(truth.rpm, SETTLING_S..48.0), Label::HardlySwings);
+}
+
+/// `cargo test --release -p study --lib swing -- --ignored --nocapture`: prints shares over robots and speeds.
+#[test]
+#[ignore = "takes minutes"]
+fn shares_of_labels() {
+    let robots = {
+        let physical = Robot::default();
+        let mut soft = physical.clone();
+        soft.flagellum.young_pa *= 0.6;
+        let tank = Robot { tank: Some(Tank::published()), ..physical.clone() };
+        [physical, Robot::published(), tank, soft, quick()]
+    };
+    let published =
+        [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [30.0, 60.0], [20.0, -40.0], [-40.0, -20.0], [60.0, 0.0]];
+    let mut random = Random(11, 0);
+    let trials: Vec<(Robot, [f64; 2])> = (0..TRIALS)
+        .map(|i| {
+            let signs = [[1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]][i / 2 % 4];
+            let drawn = signs.map(|sign| sign * (500.0 + 8500.0 * uniform(&mut random)).round() / 100.0);
+            let mut robot = robots[i % robots.len()].clone();
+            robot.flagellum.phase_deg = [0, 1].map(|_| 360.0 * uniform(&mut random));
+            (robot, if i % 4 == 3 { published[i / 4 % published.len()] } else { drawn })
+        })
+        .collect();
+    let truths: Vec<Truth> = {
+        use rayon::prelude::*;
+        trials.par_iter().map(|(robot, rpm)| Truth::of(robot, *rpm, 76.0, 76.0)).collect()
+    };
+    let ways = [Way::Recorded, Way::Wandering, Way::Shaken, Way::Imported(0.05), Way::Imported(0.5)];
+    for way in ways {
+        for parts_s in [vec![15.0..35.0, 35.0..55.0, 55.0..75.0], vec![15.0..75.0]] {
+            let mut labels = BTreeMap::new();
+            for (i, truth) in truths.iter().enumerate() {
+                let trace = Trace::of(truth, way, i as u64);
+                for part_s in &parts_s {
+                    let rpm = truth.rpm.map(|rpm| rpm * trace.speed(part_s));
+                    count_labels(&trace, part_s, rpm, &mut labels);
+                }
+            }
+            let length_s = parts_s[0].end - parts_s[0].start;
+            println!("\n{way:?}, {length_s} s");
+            labels.iter().for_each(|(name, n)| {
+                println!("{name}: named {}, otherwise {}, not {}, not judged {}", n[0], n[1], n[2], n[3])
+            });
+            let alarms = labels["the label is right"];
+            assert!(alarms[0] * 100 <= alarms.iter().sum::<usize>(), "{way:?}, {length_s} s: {alarms:?}");
+        }
+    }
+}
+
+const TRIALS: usize = 60;
+
+type Counts = BTreeMap<String, [usize; 4]>;
+
+fn count_labels(trace: &Trace, part_s: &Range<f64>, rpm: [f64; 2], counts: &mut Counts) {
+    let nominal = if trace.is_import { rpm.map(|w| w * 1.02) } else { rpm };
+    let [a, b] = nominal;
+    let mut cases = vec![("the label is right".to_owned(), nominal)];
+    if rpm.iter().all(|w| w.abs() >= SLOWEST_RPM) {
+        let factors = [0.5, 1.5, 2.0, 4.0, 6.0, 9.55, 60.0];
+        cases.extend(factors.map(|factor| (format!("both x {factor}"), nominal.map(|w| w * factor))));
+        if rpm.iter().all(|w| w.abs() >= 15.0) {
+            cases.extend([
+                ("both x 1.05".to_owned(), nominal.map(|w| w * 1.05)),
+                ("one x 1.05".to_owned(), [a * 1.05, b]),
+            ]);
+        }
+        cases.extend([0.5, 1.5, 2.0].map(|factor| (format!("one x {factor}"), [a * factor, b])));
+        cases.extend([("both signs".to_owned(), [-a, -b]), ("one sign".to_owned(), [-a, b])]);
+        if a.to_bits() != b.to_bits() {
+            cases.push(("swapped".to_owned(), [b, a]));
+        }
+    }
+    for (name, label) in cases {
+        let place = match trace.label(label, part_s.clone()) {
+            Label::Wrong(causes) if name == "the label is right" => {
+                println!("{rpm:?} at {part_s:?}: {causes:?}");
+                0
+            }
+            Label::Wrong(causes) => usize::from(!says(&causes, rpm, label)),
+            Label::Right => 2,
+            Label::HardlySwings | Label::NotJudged(_) => 3,
+        };
+        counts.entry(name).or_default()[place] += 1;
+    }
+}
