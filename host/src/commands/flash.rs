@@ -49,7 +49,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let progress = spinner();
     progress.set_message(format!("writing {}", image.commit));
-    let baud = rig::flash(&port, &image.elf, |baud| {
+    let (baud, chip) = rig::flash(&port, &image.elf, |baud| {
         progress.set_message(format!("writing {} at {baud} bit/s", image.commit));
     })?;
     progress.set_message("waiting for the firmware to start");
@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             image.commit
         ));
     }
-    let text = format!("{port} runs firmware {running}, protocol {}, written at {baud} bit/s", info.protocol);
+    let text = format!("{port} runs firmware {running}, protocol {}, written at {baud} bit/s to {chip}", info.protocol);
     let flashed = Flashed { port, baud, firmware: running, protocol: info.protocol };
     Answer::new(Outcome::Done, &flashed, text)
 }

@@ -12,6 +12,10 @@ use thiserror::Error;
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
 const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
 
+/// The chip of the image, and one that also runs it: what the firmware uses has the same registers. Each with avrdude's name
+/// and its signature (data sheets, section "Signature Bytes").
+const CHIPS: [(&str, u32); 2] = [("m328p", 0x1E_950F), ("m328pb", 0x1E_9516)];
+
 /// Limits the wait at a wrong speed to 15 s instead of 60 s; avrdude before 7.0 does not support it.
 const FEW_ATTEMPTS: [&str; 2] = ["-x", "attempts=3"];
 
@@ -43,6 +47,17 @@ pub enum FlashError {
         /// The last output of avrdude.
         said: String,
     },
+    /// Another chip than the image's answered.
+    #[error("{} answered on {port}, and the image is for an ATmega328P; output of avrdude:\n{said}", named(*.signature).0)]
+    #[diagnostic(help("{}", named(*.signature).1))]
+    OtherChip {
+        /// The port.
+        port: String,
+        /// The chip's signature.
+        signature: u32,
+        /// The last output of avrdude.
+        said: String,
+    },
     /// The bootloader fell silent in each attempt.
     #[error(
         "the bootloader on {port} stopped answering during the write, in two attempts at {baud} bit/s; output of \
@@ -62,12 +77,34 @@ pub enum FlashError {
     },
 }
 
+/// Returns a chip that is not the image's in words, and what helps.
+fn named(signature: u32) -> (String, &'static str) {
+    match signature {
+        0x1E_9516 => {
+            ("an ATmega328PB".into(), "a newer avrdude may write to this chip; or use a Nano with an ATmega328P")
+        }
+        0x1E_9406 => ("an ATmega168".into(), "the image does not fit into this chip: buy a Nano with an ATmega328P"),
+        _ => (format!("a chip with the signature {signature:#08x}"), "use a Nano with an ATmega328P"),
+    }
+}
+
+/// Returns the signature in avrdude's output, if a chip answered with one that is not the image's: `0x1e9516 (probably
+/// m328pb)` before version 8, `1E 95 16 (ATmega328PB)` since.
+fn other_chip(said: &str) -> Option<u32> {
+    let said = said.to_ascii_lowercase();
+    let (_, signature) = said.rsplit_once("device signature = ")?;
+    let digits = signature.trim_start_matches("0x").chars().filter(|digit| *digit != ' ').take(6).collect::<String>();
+    // A disturbed line reads as all zeros or all ones.
+    let is_other = |signature: &u32| ![CHIPS[0].1, 0, 0xFF_FFFF].contains(signature);
+    u32::from_str_radix(&digits, 16).ok().filter(is_other)
+}
+
 /// Writes the image, trying the speed of each bootloader; `progress` is called with the speed of each attempt. Returns
-/// the speed that worked.
+/// the speed that worked, and avrdude's name of the chip that answered.
 ///
 /// # Errors
 /// [`FlashError`].
-pub fn flash(port: &str, elf: &Path, progress: impl FnMut(u32)) -> Result<u32, FlashError> {
+pub fn flash(port: &str, elf: &Path, progress: impl FnMut(u32)) -> Result<(u32, &'static str), FlashError> {
     flash_with(&|| Command::new("avrdude"), LIMIT, port, elf, progress)
 }
 
@@ -77,19 +114,26 @@ fn flash_with(
     port: &str,
     elf: &Path,
     mut progress: impl FnMut(u32),
-) -> Result<u32, FlashError> {
+) -> Result<(u32, &'static str), FlashError> {
+    let [(mut chip, _), (other, its_signature)] = CHIPS;
     let mut last = String::new();
     let mut options: &[&str] = &FEW_ATTEMPTS;
     for baud in BOOTLOADER_BAUDS {
         let mut stuck = 0;
         loop {
             progress(baud);
-            let Attempt { end, said } = run(avrdude(), limit, port, elf, baud, options)?;
+            let Attempt { end, said } = run(avrdude(), limit, port, elf, baud, chip, options)?;
             last = said.trim().to_owned();
             match end {
-                End::Exit(status) if status.success() => return Ok(baud),
+                End::Exit(status) if status.success() => return Ok((baud, chip)),
                 End::Exit(_) if !options.is_empty() && said.contains("extended parameter") => options = &[],
-                End::Exit(_) => break,
+                End::Exit(_) => match other_chip(&said) {
+                    Some(signature) if signature == its_signature && chip != other => chip = other,
+                    Some(signature) => {
+                        return Err(FlashError::OtherChip { port: port.to_owned(), signature, said: last });
+                    }
+                    None => break,
+                },
                 // The board was reset too late or the computer was busy; the next attempt resets it again.
                 End::Silent | End::TimeLimit if stuck == 0 => stuck += 1,
                 // A write only begins at the bootloader's own speed.
@@ -124,10 +168,11 @@ fn run(
     port: &str,
     elf: &Path,
     baud: u32,
+    chip: &str,
     options: &[&str],
 ) -> Result<Attempt, FlashError> {
     let mut child = avrdude
-        .args(["-c", "arduino", "-p", "m328p", "-D", "-P", port, "-b", &baud.to_string()])
+        .args(["-c", "arduino", "-p", chip, "-D", "-P", port, "-b", &baud.to_string()])
         .args(options)
         .arg("-U")
         .arg(format!("flash:w:{}:e", elf.display()))
@@ -195,14 +240,14 @@ mod tests {
 
     const SILENT: &str = "echo 'avrdude: stk500_recv(): programmer is not responding' >&2";
 
-    /// Runs a shell script in place of avrdude and returns the result, the speeds tried, and the time taken. In the
-    /// script, `$try` counts the runs from 1, `$baud` is the speed, and `$few` states whether few attempts were
-    /// requested.
+    /// Runs a shell script in place of avrdude and returns the speed of success, the speeds tried, and the time taken. In
+    /// the script, `$try` counts the runs from 1, `$part` is the chip, `$baud` the speed, and `$few` states whether few
+    /// attempts were requested.
     fn flashed(limit: Duration, script: &str) -> (Result<u32, FlashError>, Vec<u32>, Duration) {
         let folder = tempfile::tempdir().unwrap();
         let port = folder.path().join("port");
         let script = format!(
-            "baud=$9; few=no; [ \"${{10}}\" = -x ] && few=yes; echo >> \"$7\"; try=$(wc -l < \"$7\")\n{script}"
+            "part=$4; baud=$9; few=no; [ \"${{10}}\" = -x ] && few=yes; echo >> \"$7\"; try=$(wc -l < \"$7\")\n{script}"
         );
         let avrdude = || {
             let mut shell = Command::new("sh");
@@ -212,7 +257,7 @@ mod tests {
         let (mut bauds, begun) = (Vec::new(), Instant::now());
         let result =
             flash_with(&avrdude, limit, port.to_str().unwrap(), Path::new("image.elf"), |baud| bauds.push(baud));
-        (result, bauds, begun.elapsed())
+        (result.map(|(baud, _)| baud), bauds, begun.elapsed())
     }
 
     const LONG: Duration = Duration::from_secs(50);
@@ -231,6 +276,28 @@ mod tests {
         let script = "[ $few = yes ] && { echo 'invalid extended parameter' >&2; exit 1; }; exit 0";
         let (result, bauds, _) = flashed(LONG, script);
         assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
+    }
+
+    /// A chip that also runs the image is written as itself, and others are named. Both formats of avrdude.
+    #[test]
+    fn another_chip_is_written_or_named() {
+        let says = |signature: &str| format!("echo 'avrdude: device signature = {signature}' >&2; exit 1");
+        let old = says("0x1e9516 (probably m328pb)");
+        let (result, bauds, _) = flashed(LONG, &format!("[ $part = m328pb ] && exit 0; {old}"));
+        assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
+        for (signature, words, cure, tries) in [
+            ("0x1e9516 (probably m328pb)", "an ATmega328PB answered", "newer avrdude", 2),
+            ("1E 94 06 (ATmega168)", "an ATmega168 answered", "does not fit into this chip: buy a Nano", 1),
+            ("0x1e930b", "a chip with the signature 0x1e930b answered", "use a Nano with an ATmega328P", 1),
+        ] {
+            let (result, bauds, _) = flashed(LONG, &says(signature));
+            let error = result.unwrap_err();
+            assert!(error.to_string().starts_with(words) && bauds.len() == tries, "{error} after {bauds:?}");
+            assert!(error.help().unwrap().to_string().contains(cure), "{:?}", error.help().unwrap().to_string());
+        }
+        for own in ["0x1e950f (probably m328p)", "1E 95 0F (ATmega328P)", "0x000000 (retrying)"] {
+            assert!(matches!(flashed(LONG, &says(own)).0, Err(FlashError::NoBootloader { .. })), "{own}");
+        }
     }
 
     /// The output is kept even if a program started by avrdude keeps the pipe open.
