@@ -11,7 +11,7 @@ use host::session::Session;
 use host::trial::{Judged, Want};
 use proptest::prelude::*;
 use protocol::units::{Count, Micros};
-use protocol::{Info, Settings, Telemetry};
+use protocol::{GENUINE_IMU_ID, Info, Settings, Telemetry};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
@@ -78,7 +78,7 @@ static LOG: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let path = folder.path().join("a.mcap");
     let plan = Plan::parse("[speeds]\npairs = [[50, 10]]\n", "plan.toml").unwrap();
     let host = |i: u16| SystemTime::UNIX_EPOCH + Duration::from_millis(1_700_000_000_000 + u64::from(i));
-    let board = board::to_log(&Info::default(), &Settings::DEFAULT);
+    let board = board::to_log(&Info { imu_id: GENUINE_IMU_ID, ..Info::default() }, &Settings::DEFAULT);
     let start = run::start(&plan, &plan.trials[0], 1, Origin::Rig, Some(board), host(0));
     let mut writer = Recorder::create(&path, &start, Settings::DEFAULT, host(0)).unwrap();
     writer.event(EventKind::Phase, "run", host(0)).unwrap();
@@ -161,7 +161,7 @@ fn forged_counters_are_damage_for_every_command() {
     let mut log = PathBuf::new();
     for trial in &plan.trials {
         let (attempt, path) = session.next_attempt(trial).unwrap();
-        let board = board::to_log(&Info::default(), &Settings::DEFAULT);
+        let board = board::to_log(&Info { imu_id: GENUINE_IMU_ID, ..Info::default() }, &Settings::DEFAULT);
         let start = run::start(&plan, trial, attempt, Origin::Rig, Some(board), host);
         let mut writer = Recorder::create(&path, &start, Settings::DEFAULT, host).unwrap();
         writer.event(EventKind::Phase, "run", host).unwrap();

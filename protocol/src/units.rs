@@ -12,6 +12,16 @@ use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
 
+/// The thermometers of the MPU6050 and of the parts that are sold as one: WHO_AM_I, name, counts per °C, and temperature at zero
+/// counts, °C. By register map RM-MPU-6000A, section 4.18, and for the others by the sensitivity and the offset in their data
+/// sheets (PS-MPU-6500A, PS-MPU-9250A, DS-000143), which Linux's driver `inv_mpu6050` uses, too.
+const THERMOMETERS: [(u8, &str, f64, f64); 4] = [
+    (crate::GENUINE_IMU_ID, "MPU6050", 340.0, 36.53),
+    (0x70, "MPU6500", 333.87, 21.0),
+    (0x71, "MPU9250", 333.87, 21.0),
+    (0x98, "ICM-20689", 326.8, 25.0),
+];
+
 macro_rules! wire_number {
     ($(#[$doc:meta])* $name:ident($inner:ty), $with:literal) => {
         $(#[$doc])*
@@ -34,7 +44,7 @@ wire_number! {
     SensorCounts(i16), "crate::fixed::i16"
 }
 wire_number! {
-    /// A raw temperature of the MPU6050: `counts / 340 + 36.53` °C (register map RM-MPU-6000A, section 4.18).
+    /// A raw temperature of the sensor, whose part gives it its unit.
     TemperatureCounts(i16), "crate::fixed::i16"
 }
 wire_number! {
@@ -103,15 +113,22 @@ impl Q15 {
     }
 }
 
+/// Returns the name of a sensor with a known thermometer.
+pub fn imu_part(imu_id: u8) -> Option<&'static str> {
+    THERMOMETERS.iter().find(|(id, ..)| *id == imu_id).map(|(_, part, ..)| *part)
+}
+
 impl TemperatureCounts {
-    /// Returns the nearest value to a temperature in °C.
+    /// Returns the nearest value to a temperature in °C, for an MPU6050.
     pub fn from_celsius(celsius: f64) -> Self {
         Self(round_to_i16((celsius - 36.53) * 340.0))
     }
 
-    /// Returns the temperature in °C.
-    pub fn celsius(self) -> f64 {
-        f64::from(self.0) / 340.0 + 36.53
+    /// Returns the temperature in °C by the part with this WHO_AM_I; NaN if its thermometer is unknown. Differences by that of
+    /// an MPU6050 are right within 4 % for the others, too.
+    pub fn celsius(self, imu_id: u8) -> f64 {
+        let of_part = THERMOMETERS.iter().find(|(id, ..)| *id == imu_id);
+        of_part.map_or(f64::NAN, |(.., per_c, zero_c)| f64::from(self.0) / per_c + zero_c)
     }
 }
 
@@ -397,9 +414,20 @@ mod tests {
     }
 
     #[test]
-    fn temperature_follows_the_register_map() {
-        assert!((TemperatureCounts(0).celsius() - 36.53).abs() < 1e-9);
-        assert!((TemperatureCounts::from_celsius(20.0).celsius() - 20.0).abs() < 2e-3);
+    fn temperature_follows_the_part() {
+        let genuine = TemperatureCounts::from_celsius(25.0);
+        // By the formula of an MPU6050, the reading of an MPU6500 at 25 °C is 40.5 °C.
+        for (imu_id, part, counts) in [
+            (0x68, "MPU6050", genuine),
+            (0x70, "MPU6500", TemperatureCounts(1335)),
+            (0x71, "MPU9250", TemperatureCounts(1335)),
+            (0x98, "ICM-20689", TemperatureCounts(0)),
+        ] {
+            assert_eq!(imu_part(imu_id), Some(part));
+            assert!((counts.celsius(imu_id) - 25.0).abs() < 2e-3, "{part}");
+        }
+        assert!((TemperatureCounts(0).celsius(0x68) - 36.53).abs() < 1e-9);
+        assert!([0, 0x72].iter().all(|id| imu_part(*id).is_none() && genuine.celsius(*id).is_nan()));
     }
 
     #[test]

@@ -30,14 +30,16 @@ pub struct CommandRecord {
 #[derive(Clone, Copy, Debug)]
 pub struct Converter {
     settings: Settings,
+    /// The sensor's WHO_AM_I.
+    imu_id: u8,
     /// The last yaw, for unwrapping the next one.
     yaw_deg: f64,
 }
 
 impl Converter {
-    /// Creates a converter for a board with these settings.
-    pub fn new(settings: Settings) -> Self {
-        Self { settings, yaw_deg: 0.0 }
+    /// Creates a converter for a board with these settings and the sensor with this WHO_AM_I.
+    pub fn new(settings: Settings, imu_id: u8) -> Self {
+        Self { settings, imu_id, yaw_deg: 0.0 }
     }
 
     /// Adopts the bias of a calibration if the sensor lay still, as the board does.
@@ -73,7 +75,7 @@ impl Converter {
             acceleration_mps2: Some(vector(force)),
             gyro_counts: Some(counts(frame.gyro)),
             accel_counts: Some(counts(frame.accel)),
-            temperature_c: frame.temperature.celsius(),
+            temperature_c: frame.temperature.celsius(self.imu_id),
             temperature_counts: {
                 let TemperatureCounts(counts) = frame.temperature;
                 counts.into()

@@ -4,7 +4,7 @@
 use crate::common::Host;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use protocol::units::{AccelRange, GyroRange};
-use protocol::{Command, Settings, Telemetry};
+use protocol::{Command, GENUINE_IMU_ID, Settings, Telemetry};
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::source::{Source, Turntable};
 
@@ -87,7 +87,7 @@ fn every_range_of_the_accelerometer_reads_gravity() {
         println!("{accel_range:?}: {accel_mps2:.4} m/s2, tilt error {tilt_deg:.2} deg");
         assert!((accel_mps2 / 9.80665 - 1.0).abs() < 0.002, "{accel_range:?}: {accel_mps2} m/s2");
         assert!(tilt_deg < 1.0, "{accel_range:?}: tilted by {tilt_deg} deg");
-        let celsius = frames[0].temperature.celsius();
+        let celsius = frames[0].temperature.celsius(GENUINE_IMU_ID);
         assert!((celsius - 25.0).abs() < 0.1, "{celsius} degrees in a room of 25");
     }
 }

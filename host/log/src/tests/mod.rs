@@ -8,7 +8,7 @@ use super::scan::{Piece, Scanner};
 use super::time::seconds;
 use super::*;
 use protocol::units::{CentiRpm, Count, Duty, EncoderCounts, Quaternion, SensorCounts};
-use protocol::{Calibration, Command, Fault, Reply, Settings, State, Telemetry};
+use protocol::{Calibration, Command, Fault, GENUINE_IMU_ID, Reply, Settings, State, Telemetry};
 use std::io::Cursor;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -57,7 +57,7 @@ fn summary_of_trial() -> Summary {
 /// A log with every kind of message, in several chunks.
 fn write(path: &Path, frames: u16) {
     let settings = Settings { gyro_bias: [31.0, 0.0, 0.0], ..Settings::DEFAULT };
-    let mut converter = Converter::new(settings);
+    let mut converter = Converter::new(settings, GENUINE_IMU_ID);
     let mut writer = Writer::create(path, &start(), host(0.0)).unwrap();
     writer.event(EventKind::Phase, "preroll", host(0.0)).unwrap();
     let command = CommandRecord {
@@ -353,7 +353,7 @@ fn messages_reach_the_file_within_half_a_second() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut writer = Writer::create(&path, &start(), host(0.0)).unwrap();
-    writer.message(&Converter::new(Settings::DEFAULT).telemetry(&frame(0), 0, 0.0), host(0.0)).unwrap();
+    writer.message(&Converter::new(Settings::DEFAULT, GENUINE_IMU_ID).telemetry(&frame(0), 0, 0.0), host(0.0)).unwrap();
     std::thread::sleep(Duration::from_millis(410));
     writer.tick().unwrap();
     writer.settle().unwrap();
@@ -388,7 +388,14 @@ fn clock_of_another_millennium_keeps_the_times_apart() {
     for i in 0..3 {
         let time_us = writer.board_time(i * 5000, time);
         writer
-            .message(&Converter::new(Settings::DEFAULT).telemetry(&frame(0), i * 5000, time_us as f64 * 1e-6), time)
+            .message(
+                &Converter::new(Settings::DEFAULT, GENUINE_IMU_ID).telemetry(
+                    &frame(0),
+                    i * 5000,
+                    time_us as f64 * 1e-6,
+                ),
+                time,
+            )
             .unwrap();
     }
     writer.finish(&Summary::default()).unwrap();
@@ -434,7 +441,7 @@ fn times_are_the_same_again() {
     let path = folder.path().join("a.mcap");
     let start = Start { identity: Identity { origin: Origin::Model, ..start().identity }, ..start() };
     let mut writer = Writer::create(&path, &start, SystemTime::UNIX_EPOCH).unwrap();
-    let mut converter = Converter::new(Settings::DEFAULT);
+    let mut converter = Converter::new(Settings::DEFAULT, GENUINE_IMU_ID);
     writer.board_time(0, SystemTime::UNIX_EPOCH);
     writer.message(&converter.telemetry(&frame(0), 0, 0.0), SystemTime::UNIX_EPOCH).unwrap();
     for time_s in [30.0, 60.0, 120.0] {

@@ -24,7 +24,8 @@ fn host(seconds: f64) -> SystemTime {
 
 /// A log of two seconds, with `text` in all of its texts.
 fn log(path: &Path, plan: &Plan, text: Option<&str>) {
-    let board = board::to_log(&protocol::Info::default(), &Settings::DEFAULT);
+    let info = protocol::Info { imu_id: protocol::GENUINE_IMU_ID, ..protocol::Info::default() };
+    let board = board::to_log(&info, &Settings::DEFAULT);
     // A log of another trial, or of before its session, would be left out.
     let trial = plan.trials.iter().find(|trial| path.file_stem().is_some_and(|name| name == trial.name.as_str()));
     let trial = trial.unwrap_or(&plan.trials[0]);

@@ -37,7 +37,7 @@ pub enum WatchError {
 /// # Errors
 /// [`WatchError`].
 pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, WatchError> {
-    let mut stream = Stream::new(settings, live);
+    let mut stream = Stream::new(Converter::new(settings, link.info().imu_id), live);
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     while !interrupted.load(Ordering::Relaxed) {
         let Some(received) = link.next(Duration::from_millis(20)) else { continue };
@@ -70,10 +70,10 @@ struct Stream<'a> {
 }
 
 impl<'a> Stream<'a> {
-    fn new(settings: Settings, live: &'a Live) -> Self {
+    fn new(converter: Converter, live: &'a Live) -> Self {
         Self {
             live,
-            converter: Converter::new(settings),
+            converter,
             clock: BoardClock::default(),
             first: None,
             now_ns: 0,

@@ -118,7 +118,7 @@ impl<'a> Stream<'a> {
             link,
             settings,
             interrupted,
-            converter: Converter::new(*settings),
+            converter: Converter::new(*settings, link.info().imu_id),
             clock: BoardClock::default(),
             monitor: Monitor::default(),
             pings: PingClock::default(),

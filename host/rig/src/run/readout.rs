@@ -10,6 +10,8 @@ use study::text::decimal;
 /// not known before the end.
 #[derive(Debug, Default)]
 pub(super) struct Readout {
+    /// The sensor's WHO_AM_I.
+    imu_id: u8,
     latest: Option<(Euler, Telemetry)>,
     unwrap: Unwrap,
     zero_deg: f64,
@@ -17,6 +19,10 @@ pub(super) struct Readout {
 }
 
 impl Readout {
+    pub(super) fn new(imu_id: u8) -> Self {
+        Self { imu_id, ..Self::default() }
+    }
+
     /// Adds a frame: its attitude, levelled if the vertical is known, and the number of frames lost so far.
     pub(super) fn frame(&mut self, attitude: &UnitQuaternion<f64>, telemetry: &Telemetry, lost: u64) {
         let euler = Euler::of(attitude);
@@ -47,18 +53,23 @@ impl fmt::Display for Readout {
         for (measured, target) in telemetry.speed.iter().zip(telemetry.target) {
             write!(f, "{:>5} of {} rpm  ", decimal(measured.rpm(), 1), decimal(target.rpm(), 0))?;
         }
-        write!(f, "{:.1} °C  {} lost", telemetry.temperature.celsius(), self.lost)
+        let celsius = telemetry.temperature.celsius(self.imu_id);
+        if celsius.is_finite() {
+            write!(f, "{celsius:.1} °C  ")?;
+        }
+        write!(f, "{} lost", self.lost)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::GENUINE_IMU_ID;
     use protocol::units::{CentiRpm, TemperatureCounts};
 
     #[test]
     fn the_yaw_is_relative_to_the_zero_and_unwrapped() {
-        let mut readout = Readout::default();
+        let mut readout = Readout::new(GENUINE_IMU_ID);
         assert_eq!(readout.to_string(), "");
         let telemetry = Telemetry {
             speed: [CentiRpm(5010), CentiRpm(-990)],

@@ -6,6 +6,7 @@ use crate::link::Link;
 use crate::plan::board;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{commit_text, fault_log, preflight};
+use protocol::units::imu_part;
 
 /// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
 pub fn checks(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
@@ -30,13 +31,16 @@ fn firmware(link: &Link) -> Finding {
         info.reset_cause,
         info.ram_left,
     );
-    match info.imu_id {
-        protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
-        0 => Err((
+    match (info.imu_id, imu_part(info.imu_id)) {
+        (0, _) => Err((
             format!("{detail}, but its IMU does not respond"),
             "check the four wires of the MPU6050: VCC, GND, SCL on A5, SDA on A4".to_owned(),
         )),
-        id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
+        (protocol::GENUINE_IMU_ID, Some(part)) => Ok(format!("{detail}, {part}")),
+        (id, Some(part)) => Ok(format!("{detail}, an {part} (WHO_AM_I {id:#04x}) in place of an MPU6050")),
+        (id, None) => {
+            Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x}) whose temperature is not known"))
+        }
     }
 }
 

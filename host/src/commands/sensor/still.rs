@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut watch = StillWatch::new(args.seconds);
     let progress = Progress::new(args.seconds);
     progress.phase("still", "let it lie still");
-    let mut shown_s = f64::NEG_INFINITY;
+    let (mut shown_s, mut first_c) = (f64::NEG_INFINITY, None);
     let followed = bench.follow(|reading, nano| {
         if let (false, Some(nano)) = (is_started, nano) {
             nano.control("play")?;
@@ -43,8 +43,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             shown_s = reading.time_s;
             progress.within(args.seconds - left_s);
             let [x, y, z] = reading.rate_dps;
-            progress
-                .figures(&format!("{left_s:.0} s to go; {x:.2}, {y:.2}, {z:.2} °/s, {:.2} °C", reading.temperature_c));
+            let warming_c = reading.temperature_c - *first_c.get_or_insert(reading.temperature_c);
+            progress.figures(&format!("{left_s:.0} s to go; {x:.2}, {y:.2}, {z:.2} °/s, {warming_c:+.2} °C"));
         }
         Ok(left_s > 0.0)
     });

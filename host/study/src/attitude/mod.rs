@@ -36,7 +36,7 @@ pub struct Reading {
     pub attitude: [f64; 4],
     /// Rates about the body's x and y with the calibrated bias removed, °/s.
     pub lateral_dps: Option<[f64; 2]>,
-    /// Temperature of the sensor, °C.
+    /// Temperature of the sensor, °C; of a part with an unknown thermometer, only its changes.
     pub temperature_c: f64,
 }
 

@@ -131,7 +131,9 @@ pub fn trial(trial: &Judged) -> Table {
         }));
     }
     if data.is_recorded() {
-        columns.push(real(("temperature_c", "temperature of the sensor"), &|row| row.temperature_c));
+        columns.push(real(("temperature_c", "temperature of the sensor"), &|row| {
+            if data.temperature_c.is_nan() { f64::NAN } else { row.temperature_c }
+        }));
     }
     if !data.forces.is_empty() {
         for (k, column) in sample_columns(FLAGELLA).enumerate() {

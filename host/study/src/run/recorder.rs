@@ -69,7 +69,7 @@ impl Recorder {
             log: Writer::create(path, start, time)?,
             records: Records::of_start(start),
             collector: (start.identity.origin != Origin::Model).then(|| Collector::new(Want::default(), FORMAT)),
-            converter: Converter::new(settings),
+            converter: Converter::new(settings, start.board.as_ref().map_or(0, |board| board.imu_id)),
             rest: RestForce::new(TICK_HZ),
             still: Still::default(),
             clipped: None,

@@ -1,7 +1,7 @@
 //! Readings of a sensor that lies still or is moved by hand, and the detection of its rests.
 
 use protocol::units::STANDARD_GRAVITY_MPS2;
-use protocol::{Settings, Telemetry};
+use protocol::{GENUINE_IMU_ID, Settings, Telemetry};
 use std::collections::VecDeque;
 
 /// An uncorrected reading in physical units and body axes: it contains the bias, and the scale error that the board
@@ -14,7 +14,7 @@ pub struct RawReading {
     pub rate_dps: [f64; 3],
     /// Specific force, standard gravity.
     pub force_g: [f64; 3],
-    /// Temperature of the sensor, °C.
+    /// Temperature of the sensor, °C, by an MPU6050: for its changes.
     pub temperature_c: f64,
 }
 
@@ -26,7 +26,7 @@ impl RawReading {
             time_s,
             rate_dps: gyro_axes.apply(frame.gyro.map(|counts| gyro_range.rad_per_s(counts).to_degrees())),
             force_g: accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts) / STANDARD_GRAVITY_MPS2)),
-            temperature_c: frame.temperature.celsius(),
+            temperature_c: frame.temperature.celsius(GENUINE_IMU_ID),
         }
     }
 }

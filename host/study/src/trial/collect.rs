@@ -9,7 +9,8 @@ use crate::attitude::{Columns, Reading};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{self, Motor, Telemetry};
 use biflag_log::{Condition, LONGEST_TRIAL_S, LinkStats, Origin};
-use protocol::units::{Q15, Quaternion};
+use protocol::GENUINE_IMU_ID;
+use protocol::units::{Q15, Quaternion, TemperatureCounts};
 use sim::trial::quantity::SAMPLE_COLUMNS;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -221,7 +222,12 @@ impl Collector {
             return None;
         }
         let lateral_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y]);
-        Some(Reading { attitude, lateral_dps, temperature_c: frame.temperature_c })
+        // The changes of an unknown temperature are known.
+        let temperature_c = match frame.temperature_c {
+            unknown if unknown.is_nan() => TemperatureCounts(frame.temperature_counts as i16).celsius(GENUINE_IMU_ID),
+            known => known,
+        };
+        Some(Reading { attitude, lateral_dps, temperature_c })
     }
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {

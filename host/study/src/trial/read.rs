@@ -3,7 +3,8 @@
 use super::collect::Collector;
 use super::data::{Data, Records, Want};
 use biflag_log::schema::foxglove::SceneUpdate;
-use biflag_log::{Body, Condition, FORMAT, Identity, LogError, Message, Reader, TrialClock};
+use biflag_log::{BoardMeta, Body, Condition, FORMAT, Identity, LogError, Message, Reader, TrialClock};
+use protocol::units::TemperatureCounts;
 use std::path::Path;
 
 impl Data {
@@ -28,9 +29,17 @@ impl Data {
         }
         let mut collector = Collector::new(want, format);
         let mut clock = TrialClock::default();
-        for message in reader.by_ref() {
-            let message = message?;
+        let mut imu_id = None;
+        while let Some(message) = reader.next() {
+            let mut message = message?;
             clock.see(&message);
+            if let Body::Telemetry(frame) = &mut message.body {
+                // Older programs converted the temperature by an MPU6050 whatever the part, and a model's board named none.
+                let id = *imu_id.get_or_insert_with(|| reader.meta::<BoardMeta>().map_or(0, |board| board.imu_id));
+                if id != 0 {
+                    frame.temperature_c = TemperatureCounts(frame.temperature_counts as i16).celsius(id);
+                }
+            }
             take(&mut collector, &message, clock.time_s(&message));
         }
         let mut data = collector.finish(path, Records::of(&reader));

@@ -91,7 +91,7 @@ impl<'a> Recorder<'a> {
             monitor: Monitor::default(),
             health: Health::default(),
             speeds: VecDeque::new(),
-            readout: Readout::default(),
+            readout: Readout::new(link.info().imu_id),
             interrupted,
             truth,
             pending: None,

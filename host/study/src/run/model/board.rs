@@ -6,7 +6,7 @@
 use crate::plan::Setpoint;
 use nalgebra::Vector3;
 use protocol::units::{CentiRpm, Count, EncoderCounts, Micros, Quaternion, SensorCounts, TemperatureCounts};
-use protocol::{Info, Settings, Telemetry};
+use protocol::{GENUINE_IMU_ID, Info, Settings, Telemetry};
 use sim::body::imu::specific_force;
 use sim::params::Robot;
 use sim::trial::sample::Sample;
@@ -41,6 +41,7 @@ impl IdealBoard {
         Info {
             protocol: protocol::VERSION,
             board_id: self.settings.board_id,
+            imu_id: GENUINE_IMU_ID,
             gyro_range: self.settings.gyro_range,
             accel_range: self.settings.accel_range,
             ..Info::default()
@@ -111,7 +112,7 @@ mod tests {
         let upright = board.telemetry(7, &sample(), Vector3::zeros(), setpoint);
         assert_eq!(upright.accel, [0, 0, 4096].map(SensorCounts));
         assert_eq!((upright.seq, upright.state, upright.imu_fresh), (Count(7), State::Running, true));
-        assert!((upright.temperature.celsius() - 20.0).abs() < 0.01);
+        assert!((upright.temperature.celsius(GENUINE_IMU_ID) - 20.0).abs() < 0.01);
 
         let half = 0.5 * 30_f64.to_radians();
         let leaning = Sample {

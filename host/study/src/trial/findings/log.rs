@@ -14,7 +14,7 @@ const CABLE: &str = "check the cable";
 
 pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
 
-static RULES: [Rule; 13] = [
+static RULES: [Rule; 14] = [
     Rule::warning(Conduct, REPEAT, |data, _| {
         let is_cut_off = data.condition == Condition::CutOff;
         is_cut_off.then(|| "the log is cut off; the rest is used".to_owned())
@@ -35,6 +35,10 @@ static RULES: [Rule; 13] = [
         (lost > 0).then(|| format!("{lost} of {all} telemetry frames were lost"))
     }),
     Rule::note(Conduct, "", |data, _| data.gaps()),
+    Rule::note(Conduct, "", |data, _| {
+        let imu_id = data.records.board.as_ref().filter(|_| data.temperature_c.is_nan())?.imu_id;
+        Some(format!("the temperature is unknown, because the sensor is an unknown part (WHO_AM_I {imu_id:#04x})"))
+    }),
     Rule::warning(Conduct, "import a table with more rows", |data, _| {
         (data.origin() == Origin::Imported).then(|| long_gap(data))?
     }),

@@ -25,7 +25,7 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
         return Err(TwinError::Unusable {
             path: unknown.path.clone(),
             reason: "has no temperature, which the viscosity of the robot's glycerol depends on".to_owned(),
-            help: "import it with --temperature",
+            help: "import it with --temperature, or give the fluid's viscosity_pa_s and density_kg_m3 instead of glycerol",
         });
     }
     let mean_c = mean_c(trials);
