@@ -22,8 +22,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use study::run::AtRest;
 
-/// Largest deviation of the acceleration at rest from 1 g. The sensor's zero is within 0.08 g and its scale within 3 %
-/// (MPU-6000/6050 product specification, section 6.2); the rest is for a sensor that is not quite still.
+/// Largest deviation of the acceleration at rest, less a measured offset, from 1 g. The sensor's zero is within 0.08 g and its
+/// scale within 3 % (MPU-6000/6050 product specification, section 6.2); the rest is for a sensor that is not quite still.
 const FORCE_TOLERANCE_G: f64 = 0.15;
 
 /// Largest rate error of the board's clock against this computer's. A Nano with a resonator instead of a crystal is within
@@ -157,9 +157,16 @@ mod tests {
         assert_eq!(at_rest(&Calibration { still: false, ..still }, good, None, PORT), Err(PreflightError::Moved));
         let few = PreflightError::FewReadings { readings: 19, planned: PLANNED };
         assert_eq!(at_rest(&Calibration { samples: 19, ..still }, good, None, PORT), Err(few));
-        for force_g in [0.84, 1.16, 0.5, 2.0] {
+        for force_g in [0.84, 1.16, 1.3, 0.6, 0.5, 2.0] {
             let rest = AtRest { force_g: Some(force_g), ..good };
-            assert_eq!(at_rest(&still, rest, None, PORT), Err(PreflightError::NotGravity { force_g }));
+            let refused = at_rest(&still, rest, None, PORT).unwrap_err();
+            assert_eq!(refused, PreflightError::NotGravity { force_g });
+            let cure = refused.help().unwrap().to_string();
+            // A wrong range halves or doubles the force.
+            let is_range = [0.5, 2.0].contains(&force_g);
+            let words =
+                if is_range { "check accel_range_g" } else { "an offset: measure it with `biflag sensor poses`" };
+            assert!(cure.contains(words), "{force_g} g: {cure}");
         }
         let askew = AtRest { mounted_askew_deg: Some(91.8), ..good };
         assert_eq!(at_rest(&still, askew, None, PORT), Err(PreflightError::MountedAskew { tilt_deg: 91.8 }));

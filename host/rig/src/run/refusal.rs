@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use protocol::units::Millivolts;
 use std::path::PathBuf;
+use study::attitude::LARGEST_OFFSET_G;
 use thiserror::Error;
 
 /// Lowest supply of the board with which a trial begins, with a margin above the 4.3 V at which the board stops the
@@ -60,11 +61,9 @@ pub enum PreflightError {
     },
     /// The acceleration at rest is not gravity.
     #[error("the accelerometer reads {force_g:.2} g at rest instead of 1 g")]
-    #[diagnostic(help(
-        "check accel_range_g in the board's settings and the sensor's supply; a damaged sensor must be replaced"
-    ))]
+    #[diagnostic(help("{}", force_cure(*.force_g)))]
     NotGravity {
-        /// The mean acceleration, in standard gravity.
+        /// The mean acceleration less the offset in the sensor's file, in standard gravity.
         force_g: f64,
     },
     /// The sensor's axes differ from the settings.
@@ -127,6 +126,15 @@ fn settings_cure(port: &str, copies: &[(u16, PathBuf)]) -> String {
          {port}` saves the defaults",
         restore.join(", ")
     )
+}
+
+fn force_cure(force_g: f64) -> &'static str {
+    if (force_g - 1.0).abs() < LARGEST_OFFSET_G {
+        "the accelerometer may have an offset: measure it with `biflag sensor poses`, and record anew with the file that it writes \
+         as `sensor` under [session] of the plan; or check the sensor's supply"
+    } else {
+        "check accel_range_g in the board's settings and the sensor's supply; a damaged sensor must be replaced"
+    }
 }
 
 /// Returns a size on the disk as text.

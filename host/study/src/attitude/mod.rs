@@ -18,7 +18,7 @@ mod track;
 pub use bias_noise::BiasNoise;
 pub use drift::{Drift, Rest};
 pub(crate) use level::LARGEST_TILT_DEG;
-pub use level::{Level, Leveller, RestForce};
+pub use level::{LARGEST_OFFSET_G, Level, Leveller, RestForce};
 pub(crate) use rest::ANGLE_WALK;
 pub use series::Series;
 pub use sim::body::attitude::{euler_zyx, tilt_deg};

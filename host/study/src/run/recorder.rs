@@ -1,8 +1,9 @@
 //! Records a running trial of the rig or of a model, in its log and in memory.
 
-use crate::attitude::{Leveller, Motion, RestForce, Still, rotation};
+use crate::attitude::{Level, Leveller, Motion, RestForce, Still, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
+use crate::sensor::MeasuredSensor;
 use crate::steer::{SetPoint, Times, message};
 use crate::trial::{Angles, Collector, Finding, Judged, Records, Want};
 use biflag_log::schema::biflag::{Quaternion, Vector};
@@ -46,7 +47,8 @@ pub struct Recorder {
 /// The sensor's state while the robot was at rest.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct AtRest {
-    /// Magnitude of the mean acceleration, in standard gravity; `None` if the rest was shorter than a second.
+    /// Magnitude of the mean acceleration less the offset in the sensor's file, in standard gravity; `None` if the rest was
+    /// shorter than a second.
     pub force_g: Option<f64>,
     /// Angle between the mean acceleration and the robot's axis, degrees; `None` if the rest was shorter than a second, or
     /// if it may be an offset of the accelerometer.
@@ -224,12 +226,19 @@ impl Recorder {
 
     /// Returns the sensor's state from the trial so far, while the motors were off.
     pub fn at_rest(&self) -> AtRest {
-        let level = self.rest.level(STANDARD_GRAVITY_MPS2);
+        let level = self.rest.level(STANDARD_GRAVITY_MPS2).map(|level| self.without_offset(level));
         AtRest {
             force_g: level.map(|level| level.force_g),
             mounted_askew_deg: level.filter(|level| !level.is_bias()).map(|level| level.tilt_deg()),
             clipped: self.clipped.map_or(0, |[first, last]| last.0.wrapping_sub(first.0)),
         }
+    }
+
+    /// Returns the vertical less the errors of the accelerometer that the sensor's file has measured.
+    fn without_offset(&self, level: Level) -> Level {
+        let file = self.records.measured_sensor.as_ref().and_then(MeasuredSensor::of);
+        let force_g = file.and_then(|file| file.force_g((level.up * level.force_g).into()));
+        force_g.and_then(|force_g| Level::of(force_g.into(), 1.0)).unwrap_or(level)
     }
 
     /// Measures the vertical while the robot hangs at rest, and records it. If the tilt is small enough to be the
@@ -239,7 +248,7 @@ impl Recorder {
     /// [`LogError::Write`].
     pub fn level(&mut self, host: SystemTime) -> Result<(), LogError> {
         let Some(level) = self.rest.level(STANDARD_GRAVITY_MPS2) else { return Ok(()) };
-        let (used, tilt_deg) = (level.is_bias(), level.tilt_deg());
+        let (used, tilt_deg) = (self.without_offset(level).is_bias(), level.tilt_deg());
         let text = if used {
             format!("tilt at rest of {tilt_deg:.2}° removed as an offset of the accelerometer")
         } else {
@@ -324,4 +333,45 @@ fn measured(collector: Option<Collector>, path: &Path, records: Records) -> Meas
     let Some(collector) = collector else { return Measured::default() };
     let trial = Judged::of(collector.finish(path, records));
     Measured { angles: trial.steady_angles(), run_s: trial.data.times.run_s(), findings: trial.findings }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{AXES, Estimate};
+    use biflag_log::MeasuredSensorMeta;
+    use protocol::units::SensorCounts;
+
+    /// Returns the force at rest that the preflight judges, and whether the tilt is small enough, of an upright board whose
+    /// accelerometer has an offset in counts, 16384 to 1 g.
+    fn judged(offset: [i16; 3], file: Option<&MeasuredSensor>) -> (f64, bool) {
+        let folder = tempfile::tempdir().unwrap();
+        let sensor = file.map(|file| MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() });
+        let start = Start { sensor, ..Start::default() };
+        let path = folder.path().join("a.mcap");
+        let mut recorder = Recorder::create(&path, &start, Settings::DEFAULT, SystemTime::UNIX_EPOCH).unwrap();
+        let [x, y, z] = offset;
+        let frame = Telemetry { accel: [x, y, 16384 + z].map(SensorCounts), imu_fresh: true, ..Telemetry::default() };
+        for i in 0..u64::from(TICK_HZ) {
+            recorder.frame(&frame, i * 5000, SystemTime::UNIX_EPOCH).unwrap();
+        }
+        recorder.level(SystemTime::UNIX_EPOCH).unwrap();
+        let rest = recorder.at_rest();
+        assert_eq!(rest.mounted_askew_deg.is_none(), recorder.records.level.as_ref().unwrap().used);
+        (rest.force_g.unwrap(), rest.mounted_askew_deg.is_none())
+    }
+
+    #[test]
+    fn a_measured_offset_of_the_accelerometer_does_not_count() {
+        for offset in [[0, 0, 4915], [4915, 0, 0]] {
+            let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+            for (axis, offset) in AXES.into_iter().zip(offset) {
+                file.set("accel_offset_g", axis, Estimate { value: f64::from(offset) / 16384.0, u: 0.0002 });
+            }
+            let is_good = |(force_g, is_upright): (f64, bool)| (force_g - 1.0).abs() < 0.15 && is_upright;
+            assert!((judged(offset, Some(&file)).0 - 1.0).abs() < 1e-4 && is_good(judged(offset, Some(&file))));
+            assert!(!is_good(judged(offset, None)), "not measured");
+            assert!(!is_good(judged([0; 3], Some(&file))), "the file of another sensor");
+        }
+    }
 }

@@ -10,26 +10,39 @@ use sim::functions::powi;
 const ROOM_C: f64 = 5.0;
 
 impl MeasuredSensor {
+    /// Returns the specific force that this file finds in a mean reading, both in body axes, g; `None` if the offset of an axis
+    /// was not measured.
+    pub fn force_g(&self, reading_g: [f64; 3]) -> Option<[f64; 3]> {
+        let known = self.known();
+        let mut found_g = reading_g;
+        for (i, axis) in AXES.iter().enumerate() {
+            let cross: f64 = (0..3).map(|j| known.accel_cross[i][j].value * reading_g[j]).sum();
+            let offset = self.get("accel_offset_g", axis)?;
+            found_g[i] = reading_g[i] - offset.value - known.accel_scale[i].value * reading_g[i] - cross;
+        }
+        Some(found_g)
+    }
+
     /// Returns the gravity, relative to the standard, that this file finds in a mean reading at rest, body axes, g; `None` if
     /// scale or offset of an axis was not measured.
     pub fn gravity(&self, reading_g: [f64; 3]) -> Option<Estimate> {
+        let found_g = self.force_g(reading_g)?;
         let known = self.known();
         let force = reading_g.iter().map(|force| force * force).sum::<f64>().sqrt();
-        let (mut found, mut variance) = (0.0, 0.0);
+        let mut variance = 0.0;
         for (i, axis) in AXES.iter().enumerate() {
             let offset = self.get("accel_offset_g", axis)?;
             let scale = self.get("accel_scale", axis)?;
             // Share of the force along this axis.
             let share = reading_g[i] / force;
-            let cross: f64 = (0..3).map(|j| known.accel_cross[i][j].value * reading_g[j]).sum();
-            found += powi(reading_g[i] - offset.value - scale.value * reading_g[i] - cross, 2);
             let mut add = |u: f64| variance += powi(share * u, 2);
             add(offset.u);
             add(scale.u * reading_g[i]);
             add(known.accel_drift_g_per_c[i].u * ROOM_C);
             (0..3).for_each(|j| add(known.accel_cross[i][j].u * reading_g[j]));
         }
-        Some(Estimate { value: found.sqrt(), u: variance.sqrt() })
+        let square: f64 = found_g.iter().map(|force| powi(*force, 2)).sum();
+        Some(Estimate { value: square.sqrt(), u: variance.sqrt() })
     }
 }
 
