@@ -308,7 +308,7 @@ mod tests {
             let q = estimate.into_inner();
             let reading = Reading {
                 attitude: [q.w, q.i, q.j, q.k],
-                lateral_dps: Some([rates.x, rates.y].map(f64::to_degrees)),
+                rates_dps: Some(rates.map(f64::to_degrees).into()),
                 temperature_c: temperature(t),
             };
             series.push(t, &reading);

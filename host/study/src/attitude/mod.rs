@@ -34,8 +34,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 pub struct Reading {
     /// Attitude from the board's filter, `[w, x, y, z]`, body to world.
     pub attitude: [f64; 4],
-    /// Rates about the body's x and y with the calibrated bias removed, °/s.
-    pub lateral_dps: Option<[f64; 2]>,
+    /// Rates about the body's axes with the calibrated bias removed, °/s.
+    pub rates_dps: Option<[f64; 3]>,
     /// Temperature of the sensor, °C; of a part with an unknown thermometer, only its changes.
     pub temperature_c: f64,
 }
@@ -43,7 +43,7 @@ pub struct Reading {
 impl Default for Reading {
     /// Upright.
     fn default() -> Self {
-        Self { attitude: [1.0, 0.0, 0.0, 0.0], lateral_dps: None, temperature_c: 0.0 }
+        Self { attitude: [1.0, 0.0, 0.0, 0.0], rates_dps: None, temperature_c: 0.0 }
     }
 }
 

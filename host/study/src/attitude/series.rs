@@ -44,7 +44,7 @@ impl Series {
             // The rotation is relative to the previous body axes.
             self.turned += rotation_between(&last, &attitude);
         }
-        if let Some(rates) = reading.lateral_dps {
+        if let Some(rates) = reading.rates_dps {
             for (sum, rate) in self.turned_lateral_deg.iter_mut().zip(rates) {
                 *sum += rate * passed_s;
             }

@@ -221,13 +221,13 @@ impl Collector {
         if !attitude.iter().sum::<f64>().is_finite() || attitude == [0.0; 4] {
             return None;
         }
-        let lateral_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y]);
+        let rates_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y, rate.z]);
         // The changes of an unknown temperature are known.
         let temperature_c = match frame.temperature_c {
             unknown if unknown.is_nan() => TemperatureCounts(frame.temperature_counts as i16).celsius(GENUINE_IMU_ID),
             known => known,
         };
-        Some(Reading { attitude, lateral_dps, temperature_c })
+        Some(Reading { attitude, rates_dps, temperature_c })
     }
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {

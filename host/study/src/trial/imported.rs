@@ -26,7 +26,7 @@ pub(super) fn readings(
     let reading = |i: usize| {
         let [yaw, pitch, roll, ..] = states.row(i).map(f64::to_radians);
         let q = of_euler_zyx([yaw, pitch, roll]);
-        (times[i], Reading { attitude: [q.w, q.i, q.j, q.k], lateral_dps: None, temperature_c })
+        (times[i], Reading { attitude: [q.w, q.i, q.j, q.k], rates_dps: None, temperature_c })
     };
     for (i, time) in times.iter().enumerate() {
         let [.., one, two] = states.row(i);

@@ -66,7 +66,7 @@ fn sums(data: &Data, time: Range<f64>) -> Option<Vec<Sums>> {
         let [(before_s, before), (now_s, now)] = [pair[0], pair[1]];
         let passed_s = now_s - before_s;
         let turned = rotation_between(&rotation(before.attitude), &rotation(now.attitude)).map(f64::to_degrees);
-        let rates = now.lateral_dps?;
+        let rates = now.rates_dps?;
         for k in 0..2 {
             sums.correction_deg[k] += rates[k] * passed_s - turned[k];
         }

@@ -1,9 +1,13 @@
 //! Findings about the sensor of a recorded trial: its mounting, its file, its readings and the board's filter.
 
 use super::{Rule, Section, axes, sensor_gap};
+use crate::attitude::rotation;
 use crate::sensor::MeasuredSensor;
+use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Conduct, Identity, Upright};
+use crate::trial::zero::Zeroed;
+use nalgebra::Vector3;
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use std::ops::Range;
@@ -11,11 +15,20 @@ use std::ops::Range;
 /// Smallest gain of the board's filter with which the tilt has settled when the zero is taken, 1/s.
 const LEAST_GAIN: f32 = 0.5;
 
+/// Rate, °/s, by which no robot's reading exceeds those before and after it: where the flagella do not touch, and where they
+/// may, so that they snap. On the emulated board the largest were 0.9 and 12.5.
+const JUMP_DPS: [f64; 2] = [3.0, 60.0];
+
+/// Share of the yaw's uncertainty by which jumps may turn it.
+const TURNED_SHARE: f64 = 0.1;
+
+const JUMPS: &str = "check the sensor's wiring and supply, and keep its wires away from those of the motors";
+
 const ONE_MOUNTING: &str = "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial";
 
 pub(super) const SECTION: Section = Section { is_judged: is_of_robot, rules: &RULES };
 
-static RULES: [Rule; 7] = [
+static RULES: [Rule; 9] = [
     Rule::warning(
         Upright,
         "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial",
@@ -49,6 +62,8 @@ static RULES: [Rule; 7] = [
         };
         sensor_gap::longest(data).map(text)
     }),
+    Rule::warning(Conduct, JUMPS, |data, zeroed| jumped(data, zeroed, true)),
+    Rule::note(Conduct, JUMPS, |data, zeroed| jumped(data, zeroed, false)),
     Rule::warning(Conduct, ONE_MOUNTING, |data, _| data.settings().and_then(two_mountings)),
     Rule::warning(Conduct, "set attitude_kp to 1, and repeat the trial", |data, _| {
         data.settings().and_then(slow_filter)
@@ -78,6 +93,51 @@ fn other_sensor(data: &Data) -> Option<String> {
             1.0 + (2.0 * gravity.u).copysign(gravity.value - 1.0)
         )
     })
+}
+
+/// Returns how many readings of the gyroscope jump and how far that turns the yaw, in words, if that is grave or not. The board
+/// has added them to its attitude.
+fn jumped(data: &Data, zeroed: &Zeroed, is_grave: bool) -> Option<String> {
+    let turns_as_planned = data.reverse().is_none() && data.records.steer.is_none();
+    let speeds = data.speeds().map(CentiRpm::rpm);
+    let is_apart = turns_as_planned && data.robot().is_ok_and(|robot| !robot.flagellum.mesh(speeds));
+    let jump_dps = JUMP_DPS[usize::from(!is_apart)];
+    let (jumps, turned_deg) = jumps(data, jump_dps);
+    let u_deg = zeroed.angles().and_then(|angles| angles.yaw_uncertainty_deg);
+    let matters = u_deg.is_none_or(|u_deg| turned_deg > TURNED_SHARE * u_deg);
+    (jumps > 0 && matters == is_grave).then(|| {
+        format!(
+            "{} of the gyroscope differ from those before and after by more than the {jump_dps} °/s that a robot can: they turn \
+             the yaw by up to {turned_deg:.2} degrees",
+            count(jumps, "reading")
+        )
+    })
+}
+
+/// Returns the number of readings that differ from those before and after by more than this rate, and the sum of what they
+/// turn about the vertical, degrees. Two in a row may be one sample, which the board has used twice.
+fn jumps(data: &Data, jump_dps: f64) -> (usize, f64) {
+    let readings = &data.readings[data.calibrated.min(data.readings.len())..];
+    let (mut count, mut turned_deg, mut i) = (0, 0.0, 1);
+    let rates = |i: usize| Some(Vector3::from(readings.get(i)?.1.rates_dps?));
+    while i + 1 < readings.len() {
+        let excess = |n: usize| {
+            let (before, after, mut turned_deg) = (rates(i - 1)?, rates(i + n)?, 0.0);
+            for k in i..i + n {
+                let (rise, fall) = (rates(k)? - before, rates(k)? - after);
+                (0..3).find(|axis| {
+                    rise[*axis] * fall[*axis] > 0.0 && rise[*axis].abs().min(fall[*axis].abs()) > jump_dps
+                })?;
+                let up = rotation(readings[k].1.attitude).inverse() * Vector3::z();
+                turned_deg += (0.5 * (rise + fall)).dot(&up).abs() * sensor_gap::FRAME_S;
+            }
+            let is_whole = readings[i + n].0 - readings[i - 1].0 < (n as f64 + 1.5) * sensor_gap::FRAME_S;
+            is_whole.then_some((n, turned_deg))
+        };
+        let (n, deg) = excess(1).or_else(|| excess(2)).unwrap_or((0, 0.0));
+        (count, turned_deg, i) = (count + n, turned_deg + deg, i + n.max(1));
+    }
+    (count, turned_deg)
 }
 
 fn two_mountings(Settings { gyro_axes, accel_axes, .. }: Settings) -> Option<String> {
@@ -111,7 +171,47 @@ fn learning_filter(Settings { attitude_ki, .. }: Settings) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trial::{Collector, Records, Want};
+    use biflag_log::FORMAT;
+    use biflag_log::schema::biflag::{Quaternion, Telemetry, Vector};
     use protocol::units::{Axis, AxisMap};
+
+    /// A robot that swings by 18 °/s at 85 rpm, with readings that jump by 18.9 °/s.
+    #[test]
+    fn one_or_two_readings_that_jump_are_counted() {
+        let of = |jumping: &[usize], lost: &[usize]| {
+            let mut collector = Collector::new(Want::default(), FORMAT);
+            for tick in (0..400).filter(|tick| !lost.contains(tick)) {
+                let time_s = 0.005 * tick as f64;
+                let swing = 18.0 * (8.9 * time_s).sin();
+                let z = if jumping.contains(&tick) { swing - 18.9 } else { swing };
+                let attitude = Some(Quaternion { w: 1.0, ..Quaternion::default() });
+                let angular_velocity_dps = Some(Vector { x: swing, y: 0.0, z });
+                let imu_fresh = true;
+                collector.telemetry(&Telemetry {
+                    time_s,
+                    imu_fresh,
+                    attitude,
+                    angular_velocity_dps,
+                    ..Default::default()
+                });
+            }
+            jumps(&collector.finish("a.mcap".as_ref(), Records::default()), JUMP_DPS[0])
+        };
+        for (at, lost, count) in [
+            (&[][..], &[][..], 0),
+            (&[100], &[], 1),
+            (&[100, 250], &[], 2),
+            (&[100, 101], &[], 2),
+            // A motion, and one that no reading beside it confirms.
+            (&[100, 101, 102], &[], 0),
+            (&[100], &[101], 0),
+        ] {
+            let (counted, turned_deg) = of(at, lost);
+            assert_eq!(counted, count, "{at:?}");
+            assert!((turned_deg - 18.9 * 0.005 * count as f64).abs() < 0.003, "{turned_deg} of {at:?}");
+        }
+    }
 
     #[test]
     fn settings_that_make_the_angles_wrong_are_found() {

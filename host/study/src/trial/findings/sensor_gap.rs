@@ -17,7 +17,7 @@ const BRIDGED_ALONE_S: f64 = 0.05;
 const SLOPE_READINGS: usize = 4;
 
 /// Interval of the board's frames, s.
-const FRAME_S: f64 = 0.005;
+pub(super) const FRAME_S: f64 = 0.005;
 
 /// Returns the longest such gap after the start of the run.
 pub(super) fn longest(data: &Data) -> Option<Range<f64>> {
