@@ -98,7 +98,7 @@ pub const SPOILT: &[Spoilt] = &[
     Spoilt {
         how: "a log of an earlier session",
         said: "the session began on",
-        verdict: Verdict::Grave,
+        verdict: Verdict::Loss,
         spoil: |session, _| edit(session, |log| log.start.identity.created = "2025-01-02T03:04:05Z".to_owned()),
     },
     Spoilt {

@@ -1,15 +1,17 @@
 //! Identifies the trial of a log by its content, not by its file name.
 //!
 //! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if
-//! its plan, its origin (rig, emulated board, model) or its board differs from most logs', if it is older than the
-//! session, or if it is a copy of another log. A log with the name of another trial is used for the trial that it
-//! contains, with a finding.
+//! its plan, its robot, its origin (rig, emulated board, model) or its board differs from most logs', or if it is a copy of
+//! another log. A log with the name of another trial is used for the trial that it contains, with a finding; so is a log
+//! that is older than the session, unless its trial has another.
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};
 use crate::run::trial_meta;
 use crate::trial::{Finding, FindingKind};
-use biflag_log::{BoardMeta, Identity, LogError, Origin, PlanMeta, Reader, RecoveryMeta, RobotMeta, TrialMeta};
+use biflag_log::{
+    BoardMeta, Identity, LogError, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, TrialMeta,
+};
 use jiff::{SignedDuration, Timestamp};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -38,6 +40,7 @@ struct Known {
     robot: Option<RobotMeta>,
     board: Option<BoardMeta>,
     is_recovered: bool,
+    is_replay: bool,
     /// Whether the file is not a log at all.
     is_none: bool,
 }
@@ -53,7 +56,8 @@ impl Known {
             let is_recorded = identity.as_ref().is_none_or(|identity| identity.origin.is_recorded());
             let board = if is_recorded { reader.read_until()? } else { None };
             let is_recovered = biflag_log::last_meta::<RecoveryMeta>(log)?.is_some();
-            Ok(Self { plan: reader.meta(), identity, trial, robot, board, is_recovered, is_none: false })
+            let is_replay = !is_recorded && biflag_log::last_meta::<ReplayMeta>(log)?.is_some();
+            Ok(Self { plan: reader.meta(), identity, trial, robot, board, is_recovered, is_replay, is_none: false })
         };
         match read() {
             // A log that cannot be read now may still be complete.
@@ -148,6 +152,7 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
             }
         }
     }
+    let mut old = Vec::new();
     for (i, (name, known)) in logs.iter().enumerate() {
         let of_name = named(name);
         if let Some((text, cure)) = strange[i].take() {
@@ -171,9 +176,14 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
             let [w1, w2] = own.speeds.map(|speed| speed.rpm());
             let text = format!("{name} holds trial {} at {w1} and {w2} rpm, and is used as that", own.name);
             sorted.findings.insert((*name).to_owned(), identity(text, "give it the name of its trial"));
+        } else if let Some(text) = older(session, name, known) {
+            let cure = "set the clock; if the log is of another session, move it out of this one";
+            sorted.findings.insert((*name).to_owned(), Finding::loss(FindingKind::Identity, text, cure));
+            old.push(*name);
         }
     }
-    sorted.attempts.iter_mut().for_each(|attempts| attempts.sort());
+    let last = |(number, name): &(u32, String)| (!old.contains(&name.as_str()), *number, name.clone());
+    sorted.attempts.iter_mut().for_each(|attempts| attempts.sort_by_key(last));
     Ok(sorted)
 }
 
@@ -201,7 +211,7 @@ fn trial_of(plan: &Plan, known: &Known) -> Option<usize> {
     (planned == *meta).then_some(meta.index)
 }
 
-/// Returns why a log does not belong to a session's plan or is older than the session, and the remedy.
+/// Returns why a log does not belong to a session's plan, and the remedy.
 fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Option<(String, &'static str)> {
     let cure = "move it out of the session";
     let own = known.trial.as_ref()?;
@@ -210,7 +220,6 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
         let text = format!("holds trial {name} at {w1_rpm} and {w2_rpm} rpm of another plan than session.toml");
         return Some((text, cure));
     }
-    let is_model = known.origin() == Some(Origin::Model);
     if let Some(meta) = known.plan.as_ref().filter(|meta| meta.text != session.plan.text)
         && let Ok(plan) = Plan::parse(&meta.text, "the plan")
     {
@@ -220,12 +229,19 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
         }
     }
     // A replay may have another robot than its recording.
-    if !is_model && known.robot.is_some() && RobotFile::of_log(known.robot.clone()) != session.plan.robot {
+    if !known.is_replay && known.robot.is_some() && RobotFile::of_log(known.robot.clone()) != session.plan.robot {
         return Some(("is of another robot than session.toml".to_owned(), cure));
     }
+    None
+}
+
+/// Returns that a log is older than its session, in words. The clock of a computer may have been behind.
+fn older(session: &Session, name: &str, known: &Known) -> Option<String> {
     let begun: Timestamp = session.created.parse().ok()?;
     let created = known.created().filter(|created| begun.duration_since(*created) > CLOCK_STEP)?;
-    Some((format!("is of {created}, and the session began on {begun}"), cure))
+    Some(format!(
+        "{name} is of {created}, and the session began on {begun}: the computer's clock was wrong, or it is a log of an earlier session"
+    ))
 }
 
 /// Returns the findings about a log that follow from the session in its folder.

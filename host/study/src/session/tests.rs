@@ -248,6 +248,34 @@ fn session_continues_only_on_the_same_rig_and_settings() {
     assert!(refused(Origin::Rig, Settings { speed_kp: 2.0, ..settings }).contains("speed_kp = 1.0"));
 }
 
+/// The clock of a computer without a clock chip is behind until it is set.
+#[test]
+fn log_of_another_robot_is_left_out_and_one_of_an_earlier_time_is_used_for_want_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = two_trials();
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let [now, earlier] = [0, 86_400].map(|s| SystemTime::now() - std::time::Duration::from_secs(s));
+    let write = |plan: &Plan, trial: &Trial, origin, time| {
+        let (number, path) = session.next_attempt(trial).unwrap();
+        let start = run::start(plan, trial, number, origin, None, time);
+        Writer::create(&path, &start, time)
+            .unwrap()
+            .finish(&Summary { end: End::Complete, ..Summary::default() })
+            .unwrap();
+        session.state(trial).unwrap()
+    };
+    let robot = RobotFile { name: "thick.toml".to_owned(), text: "[fluid]\nviscosity_pa_s = 2.5\n".to_owned() };
+    let state = write(&Plan { robot, ..plan.clone() }, &plan.trials[0], Origin::Model, now);
+    assert!(state.attempts.is_empty() && state.left_out[0].finding.text.contains("is of another robot"), "{state:?}");
+
+    let state = write(&plan, &plan.trials[1], Origin::Rig, earlier);
+    let [found] = &state.complete().unwrap().identity[..] else { panic!("{state:?}") };
+    assert!(found.grave && !found.empties_uncertainty() && found.text.contains("the session began on"), "{found}");
+    attempt(&session, &plan.trials[1], Some(End::Complete));
+    let state = session.state(&plan.trials[1]).unwrap();
+    assert!(state.attempts.len() == 2 && state.complete().unwrap().identity.is_empty(), "{state:?}");
+}
+
 #[test]
 fn folder_with_stray_logs_is_rejected() {
     let folder = tempfile::tempdir().unwrap();

@@ -84,6 +84,11 @@ impl Finding {
         Self::new(kind, Gravity::Warning, text, cure)
     }
 
+    /// Creates a finding that the user must know of, though the uncertainties hold.
+    pub(crate) fn loss(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
+        Self::new(kind, Gravity::Loss, text, cure)
+    }
+
     /// Creates a finding that the numbers already take into account.
     pub(crate) fn slight(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
         Self::new(kind, Gravity::Note, text, cure)
