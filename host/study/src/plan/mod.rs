@@ -20,6 +20,7 @@ mod schedule;
 mod shipped;
 mod single;
 pub(crate) mod source;
+mod units;
 
 pub use board::BoardSettings;
 pub use error::PlanError;

@@ -4,7 +4,8 @@
 //! `host/plans/robot-published.toml`. A key that is left out has the value of the robot `physical`.
 
 use super::source::{FileKind, Source, number};
-use super::{Fit, PlanError, Shipped};
+use super::{Fit, PlanError, Shipped, units};
+use crate::colour;
 use biflag_log::RobotMeta;
 use serde::Deserialize;
 use sim::params::{BUILT_IN, Base, Contact, Flagellum, Fluid, Head, Joint, Robot, SolverSettings, Tank};
@@ -96,7 +97,8 @@ pub fn named_by(plan: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// Returns the built-in robot of this name; reads and checks any other as a robot file, which must set something.
+/// Returns the built-in robot of this name; reads and checks any other as a robot file, which must set something. Prints a note
+/// about a number that is probably in another unit.
 ///
 /// # Errors
 /// [`PlanError`].
@@ -110,6 +112,7 @@ pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
     if file.text.parse::<toml::Table>().is_ok_and(|table| table.is_empty()) {
         return Err(KIND.is_not(&file.name));
     }
+    units::doubts(&file.text).iter().for_each(|doubt| colour::eprint(&format!("note: {}: {doubt}\n", file.name)));
     Ok(file)
 }
 
@@ -127,10 +130,12 @@ fn read(text: &str, name: &str) -> Result<(Robot, Option<Fit>), PlanError> {
     let robot = Robot { base, flagellum, fluid, head, tank, joint, contact, solver };
     robot.validate().map_err(|error| {
         let what = format!("{} = {}: {}", error.key, number(error.value), error.reason);
-        let cure = format!(
-            "correct {} or what it depends on; keys that are left out have the values of `physical`",
-            error.key
-        );
+        let doubts = units::doubts(text);
+        let cure = if doubts.is_empty() { units::diameter(&robot) } else { Some(doubts.join("; ")) };
+        let cure = cure.unwrap_or_else(|| {
+            let key = error.key;
+            format!("correct {key} or what it depends on; keys that are left out have the values of `physical`")
+        });
         source.error_at(error.key.split('.'), what, cure)
     })?;
     if let Some(fit) = &fit {
