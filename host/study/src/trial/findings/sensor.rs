@@ -123,12 +123,12 @@ fn jumps(data: &Data, jump_dps: f64) -> (usize, f64) {
     while i + 1 < readings.len() {
         let excess = |n: usize| {
             let (before, after, mut turned_deg) = (rates(i - 1)?, rates(i + n)?, 0.0);
-            for k in i..i + n {
-                let (rise, fall) = (rates(k)? - before, rates(k)? - after);
+            for (_, now) in &readings[i..i + n] {
+                let (rise, fall) = (Vector3::from(now.rates_dps?) - before, Vector3::from(now.rates_dps?) - after);
                 (0..3).find(|axis| {
                     rise[*axis] * fall[*axis] > 0.0 && rise[*axis].abs().min(fall[*axis].abs()) > jump_dps
                 })?;
-                let up = rotation(readings[k].1.attitude).inverse() * Vector3::z();
+                let up = rotation(now.attitude).inverse() * Vector3::z();
                 turned_deg += (0.5 * (rise + fall)).dot(&up).abs() * sensor_gap::FRAME_S;
             }
             let is_whole = readings[i + n].0 - readings[i - 1].0 < (n as f64 + 1.5) * sensor_gap::FRAME_S;

@@ -19,7 +19,7 @@ pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model()
 static RULES: [Rule; 1] = [Rule::warning(
     Swing,
     "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit of the angles",
-    |data, zeroed| other_swing(data, zeroed),
+    other_swing,
 )];
 
 fn other_swing(data: &Data, zeroed: &Zeroed) -> Option<String> {
