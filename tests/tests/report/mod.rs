@@ -279,7 +279,7 @@ fn session_page_shows_its_map_and_opens_its_trials() {
 #[test]
 fn trial_of_a_large_session_is_drawn_with_ranges() {
     let bench = Bench::new();
-    bench.run(["simulate", "--speeds=-90,90", "--duration", "60", "--rate", "100", "--out", "one"]);
+    bench.run(["simulate", "--speeds=-90,90", "--duration", "60", "--rate", "50", "--out", "one"]);
     let log = bench.path().join("one/001_w1-90_w2+90.mcap");
     // Like a trial of the published map, it has a small share of the page.
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("host").join("plans/published-map.toml");
