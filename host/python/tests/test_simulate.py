@@ -166,7 +166,9 @@ def test_the_lock_is_released_and_ctrl_c_ends_a_trial() -> None:
     counter.join()
     assert counted > 10, "other threads stood still"
 
-    code = "import biflag; print('on', flush=True); biflag.simulate(biflag.Robot.published(), (-90, -90), 1e5)"
+    # A shell that starts the tests in the background lets them ignore Ctrl-C.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import biflag; "
+    code += "print('on', flush=True); biflag.simulate(biflag.Robot.published(), (-90, -90), 1e5)"
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout is not None and child.stdout.readline() == "on\n"
     time.sleep(0.5)

@@ -75,7 +75,9 @@ def test_a_plan_may_be_a_text_and_a_failed_point_is_a_row(tmp_path: Path) -> Non
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     plan, folder = tmp_path / "plan.toml", tmp_path / "sweep"
     plan.write_text(TRIALS)
-    code = f"import biflag; biflag.sweep({str(plan)!r}, {str(folder)!r}, progress=lambda *n: print(*n, flush=True))"
+    # A shell that starts the tests in the background lets them ignore Ctrl-C.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import biflag; "
+    code += f"biflag.sweep({str(plan)!r}, {str(folder)!r}, progress=lambda *n: print(*n, flush=True))"
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout is not None
     while int(child.stdout.readline().split()[0]) < 2:
