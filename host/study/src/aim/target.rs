@@ -2,6 +2,7 @@
 
 use super::error::AimError;
 use super::quantity::{Attitude, Quantity};
+use crate::attitude::wrapped;
 use crate::text::word;
 use serde::Serialize;
 use std::fmt;
@@ -75,11 +76,6 @@ impl fmt::Display for Target {
 /// Returns the largest absolute value.
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
-}
-
-/// Wraps an angle (deg) to within half a turn of zero.
-fn wrapped(deg: f64) -> f64 {
-    deg - 360.0 * (deg / 360.0).round()
 }
 
 #[cfg(test)]

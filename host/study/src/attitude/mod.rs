@@ -47,6 +47,11 @@ impl Default for Reading {
     }
 }
 
+/// Returns the same angle (°) within half a turn of zero.
+pub(crate) fn wrapped(deg: f64) -> f64 {
+    deg - 360.0 * (deg / 360.0).round()
+}
+
 /// Yaw, pitch and roll.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Euler {

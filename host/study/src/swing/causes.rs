@@ -92,7 +92,8 @@ impl Cause {
         }
     }
 
-    /// Returns whether a line at a sum or a difference of two right speeds can look like it.
+    /// Returns whether a line at a sum or a difference of two right speeds can look like it: a large factor of one motor, or a
+    /// small one of both.
     pub fn is_mixed(self) -> bool {
         match self {
             Self::Factor { factor, .. } => self.is_of_one() == (ln(factor.abs()).abs() > 1.0),

@@ -16,36 +16,22 @@ const FASTEST_HZ: f64 = 1.75;
 const SHAKING_BESIDE: f64 = 0.001;
 
 /// A complex number.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Complex {
-    /// Real part.
-    pub re: f64,
-    /// Imaginary part.
-    pub im: f64,
+pub type Complex = nalgebra::Complex<f64>;
+
+/// Returns the magnitude of a number.
+pub fn size(number: Complex) -> f64 {
+    number.norm_sqr().sqrt()
 }
 
-impl Complex {
-    /// Returns its square.
-    pub fn power(self) -> f64 {
-        self.re * self.re + self.im * self.im
-    }
+/// Returns the angle of a number against another one, degrees.
+pub fn angle_deg(one: Complex, other: Complex) -> f64 {
+    let quotient = one * other.conj();
+    atan2(quotient.im, quotient.re).to_degrees()
+}
 
-    /// Returns its magnitude.
-    pub fn size(self) -> f64 {
-        self.power().sqrt()
-    }
-
-    /// Returns it with so much less power.
-    fn less(self, power: f64) -> Self {
-        let kept = (1.0 - power / (self.power() + 1e-30)).max(0.0).sqrt();
-        Self { re: self.re * kept, im: self.im * kept }
-    }
-
-    /// Returns its angle against another one, degrees.
-    pub fn angle_deg(self, other: Self) -> f64 {
-        let (re, im) = (self.re * other.re + self.im * other.im, self.im * other.re - self.re * other.im);
-        atan2(im, re).to_degrees()
-    }
+/// Returns a number with so much less power.
+fn less(number: Complex, power: f64) -> Complex {
+    number * (1.0 - power / (number.norm_sqr() + 1e-30)).max(0.0).sqrt()
 }
 
 /// A line that turns with a frequency: of the rates in the plane, wx + i wy, at this frequency and at the opposite one; and of
@@ -67,7 +53,7 @@ pub struct Line {
 pub struct Fit {
     /// The two frequencies, Hz, with their signs. Zero: no line.
     pub hz: [f64; 2],
-    /// The lines that can be told apart. One that two motors share is listed once.
+    /// Lines at frequencies of their own. A line of both motors is listed once, as that of motor 1.
     pub lines: Vec<Line>,
     /// Share of the square of the motion that is left: in the plane, about z.
     pub left: [f64; 2],
@@ -137,7 +123,11 @@ impl<'a> Fitter<'a> {
         let plus = Complex { re: x.re - y.im, im: x.im + y.re };
         let minus = Complex { re: x.re + y.im, im: y.re - x.im };
         let plane = count as f64 * (self.square[0] + self.square[1]) + 1e-12;
-        [plus.power() / plane, minus.power() / plane, 2.0 * z.power() / (count as f64 * self.square[2] + 1e-12)]
+        [
+            plus.norm_sqr() / plane,
+            minus.norm_sqr() / plane,
+            2.0 * z.norm_sqr() / (count as f64 * self.square[2] + 1e-12),
+        ]
     }
 
     /// Returns the frequency, of the sign of this one, with most power within a reach.
@@ -278,9 +268,9 @@ impl<'a> Fitter<'a> {
             let turns = Complex { re: (x.re - y.im) / 2.0, im: (x.im + y.re) / 2.0 };
             let opposite = Complex { re: (x.re + y.im) / 2.0, im: (y.re - x.im) / 2.0 };
             let is_motor = of[0].abs() + of[1].abs() == 1;
-            let turns = if is_motor { turns } else { turns.less(noise(*f)) };
+            let turns = if is_motor { turns } else { less(turns, noise(*f)) };
             let is_shared = is_motor && (hz[0] + hz[1]).abs() * self.motion.length_s < 1.0;
-            let opposite = if is_shared { opposite } else { opposite.less(noise(*f)) };
+            let opposite = if is_shared { opposite } else { less(opposite, noise(*f)) };
             Line { of: *of, turns, opposite, about_z }
         };
         let [x, y, z] = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());

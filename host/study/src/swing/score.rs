@@ -2,7 +2,8 @@
 //!
 //! The sizes are those of recordings on the emulated board, of robots of several stiffnesses and lengths.
 
-use super::lines::{Complex, Fit, Line};
+use super::lines::{Complex, Fit, Line, angle_deg, size};
+use crate::attitude::wrapped;
 use sim::functions::{ln, pow};
 
 /// How much a unit of the logarithm of what is left counts.
@@ -39,9 +40,10 @@ pub fn score(fit: &Fit) -> f64 {
     let own = [0, 1].map(|motor| fit.motor(motor));
     let left: f64 = fit.left.iter().map(|left| ln(left + 1e-3)).sum();
     let are_opposite = fit.hz[0] * fit.hz[1] < 0.0;
-    let all: f64 = fit.lines.iter().map(|line| line.turns.power() + line.opposite.power()).sum();
-    let shared = if own[1].is_none() && are_opposite { own[0].map_or(0.0, |line| line.opposite.power()) } else { 0.0 };
-    let of_motors: f64 = own.iter().flatten().map(|line| line.turns.power()).sum::<f64>() + shared;
+    let all: f64 = fit.lines.iter().map(|line| line.turns.norm_sqr() + line.opposite.norm_sqr()).sum();
+    let shared =
+        if own[1].is_none() && are_opposite { own[0].map_or(0.0, |line| line.opposite.norm_sqr()) } else { 0.0 };
+    let of_motors: f64 = own.iter().flatten().map(|line| line.turns.norm_sqr()).sum::<f64>() + shared;
     let common = -FIT * left + SHARE * ln(of_motors / (all + 1e-12) + 1e-9);
     common
         + match own {
@@ -56,24 +58,24 @@ pub fn score(fit: &Fit) -> f64 {
 
 fn two(fit: &Fit, own: [&Line; 2]) -> f64 {
     let mixed = fit.lines.iter().filter(|line| line.of[0] != 0 && line.of[1] != 0);
-    let strongest = mixed.flat_map(|line| [line.turns.size(), line.opposite.size()]).fold(1e-3, f64::max);
+    let strongest = mixed.flat_map(|line| [size(line.turns), size(line.opposite)]).fold(1e-3, f64::max);
     let of_one = |motor: usize| {
         let line = own[motor];
-        4.0 * ln(line.turns.size() / strongest + 1e-9).clamp(-2.0, 1.0)
+        4.0 * ln(size(line.turns) / strongest + 1e-9).clamp(-2.0, 1.0)
             - 2.0 * square((flat(line) - 0.25).max(0.0) / 0.35)
             + swing(line, fit.hz[motor], motor)
     };
-    let between = within(off_deg(own[0], 0) - off_deg(own[1], 1));
+    let between = wrapped(off_deg(own[0], 0) - off_deg(own[1], 1));
     of_one(0) + of_one(1) - 0.5 * square(between / 45.0)
 }
 
 /// Returns the score of a line that stands alone: it turns, and repeats little within a turn.
 fn single(fit: &Fit, line: &Line) -> f64 {
     let harmonics = fit.lines.iter().filter(|other| other.of[0].abs() + other.of[1].abs() == 2);
-    let size = line.turns.size() + 1e-9;
+    let own = size(line.turns) + 1e-9;
     let of_harmonics: f64 = harmonics
-        .flat_map(|other| [other.turns.size(), other.opposite.size()])
-        .map(|other| square((other / size - 0.25).max(0.0) / 0.12))
+        .flat_map(|other| [size(other.turns), size(other.opposite)])
+        .map(|other| square((other / own - 0.25).max(0.0) / 0.12))
         .sum();
     -0.5 * (square((flat(line) - 0.25).max(0.0) / 0.12) + of_harmonics).min(60.0)
 }
@@ -82,43 +84,38 @@ fn single(fit: &Fit, line: &Line) -> f64 {
 fn opposite(line: &Line, hz: [f64; 2]) -> f64 {
     let (a, b) = (line.turns, line.opposite);
     let (s, c) = sim::functions::sin_cos(PHASE_DEG.to_radians());
-    let turned = |x: Complex| Complex { re: x.re * c - x.im * s, im: x.re * s + x.im * c };
+    let phase = Complex::new(c, s);
     // Motor 2 swings at the opposite frequency, and the other way about z.
-    let (one, two) = (turned(a), turned(b));
-    let both = Complex { re: one.re - two.re, im: one.im + two.im };
-    let ratio = line.about_z.size() / (both.size() + 1e-9);
-    let unequal = (ln((a.size() + 1e-9) / (b.size() + 1e-9)).abs() - 1.1).max(0.0);
-    -0.5 * square(unequal / 0.35).min(60.0) + near(ratio, 2.5, 0.6) - 0.5 * square(line.about_z.angle_deg(both) / 50.0)
+    let both = a * phase - (b * phase).conj();
+    let ratio = size(line.about_z) / (size(both) + 1e-9);
+    let unequal = (ln((size(a) + 1e-9) / (size(b) + 1e-9)).abs() - 1.1).max(0.0);
+    -0.5 * square(unequal / 0.35).min(60.0) + near(ratio, 2.5, 0.6) - 0.5 * square(angle_deg(line.about_z, both) / 50.0)
         + in_plane(a, hz[0])
         + in_plane(b, hz[1])
 }
 
 fn swing(line: &Line, hz: f64, motor: usize) -> f64 {
     let rpm = hz.abs() * 60.0;
-    near(line.about_z.size(), about_z_dps(rpm), 0.55) + in_plane(line.turns, hz)
+    near(size(line.about_z), about_z_dps(rpm), 0.55) + in_plane(line.turns, hz)
         - 0.5 * square(off_deg(line, motor) / 38.0)
 }
 
 fn in_plane(turns: Complex, hz: f64) -> f64 {
     let rpm = hz.abs() * 60.0;
-    near(turns.size(), in_plane_dps(rpm), 0.9)
+    near(size(turns), in_plane_dps(rpm), 0.9)
 }
 
 /// Returns how far the swing about z is from the angle that it has for a motor, degrees.
 fn off_deg(line: &Line, motor: usize) -> f64 {
-    within(line.about_z.angle_deg(line.turns) - PHASE_DEG - 180.0 * motor as f64)
+    wrapped(angle_deg(line.about_z, line.turns) - PHASE_DEG - 180.0 * motor as f64)
 }
 
 fn flat(line: &Line) -> f64 {
-    (line.opposite.size() / (line.turns.size() + 1e-9)).min(2.0)
+    (size(line.opposite) / (size(line.turns) + 1e-9)).min(2.0)
 }
 
 fn near(size: f64, expected: f64, spread: f64) -> f64 {
     -0.5 * square(ln((size + 1e-9) / expected) / spread).min(30.0)
-}
-
-fn within(deg: f64) -> f64 {
-    (deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
 fn square(x: f64) -> f64 {

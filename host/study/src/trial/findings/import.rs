@@ -1,7 +1,7 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::{Rule, Section};
-use crate::attitude::{Euler, LARGEST_TILT_DEG, rotation, tilt_deg};
+use crate::attitude::{Euler, LARGEST_TILT_DEG, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Conduct, Upright};
@@ -123,7 +123,7 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let askew = of([0.0, pitch_deg, roll_deg]);
     let Euler { yaw_deg: yaw, pitch_deg: pitch, roll_deg: roll } = Euler::of(&(askew.inverse() * of(body) * askew));
     // The yaw may have made full turns.
-    let yaw = body[0] + (yaw - body[0] + 180.0).rem_euclid(360.0) - 180.0;
+    let yaw = body[0] + wrapped(yaw - body[0]);
     let others = [yaw, pitch, roll];
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
     let matters = |k: usize| (others[k] - body[k]).abs() > stated[k].unwrap_or(UNKNOWN_DEG);

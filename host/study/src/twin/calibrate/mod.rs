@@ -42,12 +42,11 @@ pub use result::{Calibration, Estimate, Fitted, Mounting};
 
 use super::TwinError;
 use super::replay::pool;
-use crate::attitude::student_95;
+use crate::attitude::{student_95, wrapped};
 use crate::trial::LogFinding;
 use errors::Correlated;
 use levenberg_marquardt::LevenbergMarquardt;
 use nalgebra::DMatrix;
-use parameter::wrapped;
 use problem::{Given, Problem};
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;

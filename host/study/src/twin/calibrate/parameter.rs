@@ -1,5 +1,6 @@
 //! Parameters that can be fitted.
 
+use crate::attitude::wrapped;
 use biflag_log::similar::suggest;
 use sim::body::closure::Closure;
 use sim::functions::exp;
@@ -170,11 +171,6 @@ impl Parameter {
             *two = wrapped(*two + moved.to_degrees());
         }
     }
-}
-
-/// Returns the same angle (deg) within half a turn of zero.
-pub(super) fn wrapped(deg: f64) -> f64 {
-    deg - 360.0 * (deg / 360.0).round()
 }
 
 impl FromStr for Parameter {

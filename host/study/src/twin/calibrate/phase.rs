@@ -9,6 +9,7 @@
 use super::data::FitTrial;
 use super::problem::Problem;
 use super::{Parameter, TwinError, failed};
+use crate::attitude::wrapped;
 use biflag_log::Origin;
 use rayon::prelude::*;
 use sim::params::Robot;
@@ -102,7 +103,7 @@ fn alone(ratio: Ratio, step: i32) -> [f64; 2] {
 fn turned(robot: &Robot, steps: [f64; 2]) -> Robot {
     let mut robot = robot.clone();
     for (phase, steps) in robot.flagellum.phase_deg.iter_mut().zip(steps) {
-        *phase = super::wrapped(*phase + steps * 360.0 / f64::from(STEPS));
+        *phase = wrapped(*phase + steps * 360.0 / f64::from(STEPS));
     }
     robot
 }
