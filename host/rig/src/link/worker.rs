@@ -85,6 +85,9 @@ const SIGN_OF_LIFE_EVERY: Duration = Duration::from_millis(50);
 /// Time without a frame after which the board no longer gets pings: motors that turn unseen must stop.
 const SILENCE: Duration = Duration::from_secs(1);
 
+/// Last wait for the answer of an emulated board: a busy computer may keep it from running.
+const BUSY: Duration = Duration::from_secs(3);
+
 /// Time without a heartbeat ([`super::Link::ask`], [`super::Link::next`]) after which the program counts as hung, and the
 /// board no longer gets pings. Logs are written on a separate thread, so a slow disk does not delay the heartbeat. A
 /// terminal that blocks the program's output does.
@@ -277,7 +280,10 @@ impl Worker {
             return Ok(());
         };
         in_flight.exchange.attempts += 1;
-        in_flight.retry_at = Instant::now() + *wait;
+        // The handshake has a limit of its own, and after a silence there is nothing to wait for.
+        let may_be_busy = self.handshake_done && self.next_sign.is_some() && self.silence_told == self.heard;
+        let is_last = in_flight.exchange.attempts as usize == BACK_OFF.len();
+        in_flight.retry_at = Instant::now() + if is_last && may_be_busy { BUSY } else { *wait };
         let request = in_flight.exchange.request;
         self.write(&request)
     }

@@ -2,6 +2,7 @@
 //! and into a log.
 
 use super::error::{RecordError, fault_text};
+use super::stream::Silences;
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock};
 use biflag_log::{Converter, EventKind, LinkStats, LogError, Writer};
 use miette::Diagnostic;
@@ -102,6 +103,7 @@ struct Stream<'a> {
     monitor: Monitor,
     pings: PingClock,
     pinged: Instant,
+    silences: Silences,
     last: Option<(Telemetry, f64)>,
 }
 
@@ -123,6 +125,7 @@ impl<'a> Stream<'a> {
             monitor: Monitor::default(),
             pings: PingClock::default(),
             pinged: Instant::now(),
+            silences: Silences::new(link),
             last: None,
         })
     }
@@ -142,7 +145,10 @@ impl<'a> Stream<'a> {
             return Ok(None);
         };
         match received.event {
-            Event::Telemetry(frame) => self.frame(&frame, received.wall, log),
+            Event::Telemetry(frame) => {
+                self.silences.hear();
+                self.frame(&frame, received.wall, log)
+            }
             Event::Exchange(Exchange { attempts: 1, reply: Some(Reply::Pong(board)), sent_at, .. }) => {
                 if let Some(board_us) = self.clock.unwrap(board) {
                     self.pings.add(board_us, sent_at, received.at);
@@ -153,7 +159,7 @@ impl<'a> Stream<'a> {
                 self.monitor.damaged(error);
                 Ok(None)
             }
-            Event::Silent { bytes } => Err(RecordError::Silent { cause: None, bytes }.into()),
+            Event::Silent { bytes } => Ok(self.silences.add(bytes).map(|()| None)?),
             Event::Closed => Err(self.link.closed().into()),
             Event::Raw(_) | Event::Exchange(_) => Ok(None),
         }
