@@ -5,7 +5,7 @@
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
 //! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
 //! | overloaded | the heat of its winding, estimated from duty and speed; in an open-loop drive too |
-//! | encoder failed | 16 edges in a row, each of which undoes the one before |
+//! | encoder failed | 16 edges in a row, each of which undoes the one before; or, of a motor that has reached its speed and is driven, no edge for four of its intervals, and for 100 ms at least: nothing tells a lost encoder from a blocked rotor |
 //!
 //! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
 //! motion.
@@ -14,6 +14,7 @@ use protocol::Fault;
 use protocol::units::{CentiRpm, Duty};
 
 use crate::encoder::Motion;
+use crate::speed::PARTS;
 
 /// A motor is stalled above this many ticks of too little motion, less those of enough motion: one second.
 const STALL_TICKS: u8 = protocol::TICK_HZ;
@@ -30,6 +31,12 @@ const AGAINST: i16 = 300;
 /// Number of edges in a row that cancel each other after which an encoder has failed. A motor that reverses makes some
 /// too.
 const CANCELLED_EDGES: u8 = 16;
+
+/// Ticks without an edge after which a motor that has reached its speed has lost its encoder, at least: 100 ms; ...
+const QUIET_TICKS: u8 = 20;
+
+/// ... and four counts at its target, as a shift.
+const QUIET_COUNTS: u8 = 2;
 
 /// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
 const LASTING: u32 = 85;
@@ -54,12 +61,26 @@ pub struct Guard {
     /// Edges in a row that cancel each other except for one, and the change of the position by them.
     edges: u8,
     counts: i8,
+    /// Sign of the target.
+    sense: i16,
+    /// Whether the motor has reached a target of this sign.
+    has_reached: bool,
+    /// Ticks without an edge in which the motor was driven.
+    quiet_ticks: u8,
 }
 
 impl Guard {
-    /// Advances one tick. Returns a finding as the corresponding faults of motors 1 and 2.
+    /// Advances one tick. `count` is [`count_in_ticks`](crate::speed::count_in_ticks) of the encoder. Returns a finding as the
+    /// corresponding faults of motors 1 and 2.
     #[inline(never)]
-    pub fn check(&mut self, duty: Duty, target: CentiRpm, motion: &Motion, moving_duty: u8) -> [Fault; 2] {
+    pub fn check(&mut self, duty: Duty, target: CentiRpm, motion: &Motion, moving_duty: u8, count: i32) -> [Fault; 2] {
+        let sense = target.0.signum();
+        if sense != self.sense {
+            // A motor that reverses makes edges that cancel each other.
+            self.sense = sense;
+            (self.edges, self.counts, self.has_reached) = (0, 0, false);
+        }
+        let is_driven = duty.0.signum() == sense && duty.0.unsigned_abs() >= u16::from(moving_duty);
         // In the direction of the duty.
         let speed = if duty.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
         let duty = duty.0.unsigned_abs() as u8;
@@ -67,7 +88,7 @@ impl Guard {
         let turning = if target.0 == 0 { speed.abs() } else { speed };
         if self.is_overloaded(duty, turning) {
             [Fault::Motor1Overloaded, Fault::Motor2Overloaded]
-        } else if self.has_cancelled(motion) {
+        } else if self.has_cancelled(motion) | self.is_quiet(is_driven, target, motion, count) {
             [Fault::Encoder1Failed, Fault::Encoder2Failed]
         } else if self.is_runaway(duty, speed) {
             [Fault::Motor1Runaway, Fault::Motor2Runaway]
@@ -107,6 +128,15 @@ impl Guard {
             self.counts = 0;
         }
         has_failed
+    }
+
+    fn is_quiet(&mut self, is_driven: bool, target: CentiRpm, motion: &Motion, count: i32) -> bool {
+        let wanted = target.0.abs();
+        let speed = if target.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
+        self.has_reached |= speed >= wanted - (wanted >> 3);
+        self.quiet_ticks = if is_driven && motion.edges == 0 { self.quiet_ticks.saturating_add(1) } else { 0 };
+        let turned = i32::from(wanted) * i32::from(self.quiet_ticks) * PARTS;
+        self.has_reached && self.quiet_ticks >= QUIET_TICKS && turned >> QUIET_COUNTS >= count
     }
 
     fn is_runaway(&mut self, duty: u8, speed: i16) -> bool {

@@ -26,7 +26,7 @@ impl Gains {
 
 /// Parts of the unit of an angle, which is a tick at a hundredth of rpm: a count of the published encoder is 510,113 of
 /// them.
-const PARTS: i32 = 1 << 8;
+pub(crate) const PARTS: i32 = 1 << 8;
 
 /// The largest lag or lead of a motor, a third of a turn: a motor that was held does not catch up with more.
 const MAX_LAG: i32 = 400_000 * PARTS;

@@ -11,6 +11,9 @@ use robot::{Bench, TICK_US};
 
 const STEP_US: u32 = 50;
 
+/// A count of the published encoder.
+const COUNT: i32 = 510_113;
+
 /// A geared motor whose flagellum moves in a liquid.
 struct Motor {
     /// rpm at full voltage.
@@ -26,6 +29,8 @@ struct Motor {
     /// Channels 1 and 2 are swapped, or channel 2 is cut.
     swapped: bool,
     cut: bool,
+    /// Both channels are cut.
+    lost: bool,
 }
 
 impl Motor {
@@ -39,6 +44,7 @@ impl Motor {
             rpm: 0.0,
             swapped: false,
             cut: false,
+            lost: false,
         }
     }
 
@@ -55,6 +61,9 @@ impl Motor {
         // `rem_euclid` would take most of the tests' time.
         let is_high = |position: f64| position - 2.0 * (0.5 * position).floor() >= 1.0;
         let channels = (is_high(self.position), self.cut || is_high(self.position - 0.5));
+        if self.lost {
+            return (true, true);
+        }
         if self.swapped { (channels.1, channels.0) } else { channels }
     }
 }
@@ -142,6 +151,27 @@ fn a_dead_second_channel_is_found_within_half_a_second() {
             let mut motors = pair(Motor { cut: true, ..Motor::new() }, second);
             let (found, after) = run(&mut bench, &mut motors, 2.0);
             assert!(found == fault && after < 0.5, "{found:?} after {after} s at {rpm} rpm");
+        }
+    }
+}
+
+/// Nothing tells a lost encoder from a blocked rotor.
+#[test]
+fn an_encoder_without_edges_is_found_before_its_motor_races() {
+    for (second, fault) in [(false, Fault::Encoder1Failed), (true, Fault::Encoder2Failed)] {
+        for rpm in [2.0, -5.0, 10.0, 50.0, -90.0] {
+            for is_blocked in [false, true] {
+                let mut bench = bench();
+                order(&mut bench, [rpm; 2]);
+                let mut motors = [(); 2].map(|()| Motor::new());
+                assert_eq!(run(&mut bench, &mut motors, 3.0).0, Fault::None);
+                let motor = &mut motors[usize::from(second)];
+                (motor.lost, motor.load) = (!is_blocked, if is_blocked { 1e-9 } else { 1.0 });
+                let (found, after) = run(&mut bench, &mut motors, 3.0);
+                let fastest = motors[usize::from(second)].rpm.abs();
+                let what = format!("{found:?} after {after} s at {rpm} rpm, {fastest} rpm in the end");
+                assert!(found == fault && after < 1.5 && (rpm.abs() < 50.0 || after < 0.2), "{what}");
+            }
         }
     }
 }
@@ -277,7 +307,7 @@ fn a_free_motor_with_swapped_encoder_leads_is_not_overloaded_by_drives() {
     let mut guard = Guard::default();
     let motion = Motion { speed: CentiRpm(-8137), edges: 4, counts: -4, glitches: 0 };
     for _ in 0..2000 {
-        assert_ne!(guard.check(Duty(190), CentiRpm(0), &motion, 100)[0], Fault::Motor1Overloaded);
+        assert_ne!(guard.check(Duty(190), CentiRpm(0), &motion, 100, COUNT)[0], Fault::Motor1Overloaded);
     }
 }
 
@@ -356,7 +386,7 @@ fn first_fault(moving_duty: u8, ticks: impl IntoIterator<Item = (i16, u8, i8)>) 
     let mut guard = Guard::default();
     let faults = ticks.into_iter().map(|(speed, edges, counts)| {
         let motion = Motion { speed: CentiRpm(speed), edges, counts, glitches: 0 };
-        guard.check(Duty(50), CentiRpm(8000), &motion, moving_duty)[0]
+        guard.check(Duty(50), CentiRpm(8000), &motion, moving_duty, COUNT)[0]
     });
     faults.enumerate().find(|(_, fault)| *fault != Fault::None).map(|(index, fault)| (index + 1, fault))
 }
@@ -374,7 +404,7 @@ fn a_runaway_is_3_rpm_against_the_duty_for_150_ms_unless_it_loses_an_eighth() {
 
 #[test]
 fn a_stall_is_a_second_of_less_than_a_quarter_of_the_target_beyond_that_of_more() {
-    let ticks = |ticks, speed| std::iter::repeat_n((speed, 0, 0), ticks);
+    let ticks = |ticks, speed| std::iter::repeat_n((speed, 1, 1), ticks);
     assert_eq!(first_fault(50, ticks(300, 1999)), Some((201, Fault::Motor1Stalled)));
     assert_eq!(first_fault(50, ticks(300, 2000)), None);
     assert_eq!(first_fault(51, ticks(300, 0)), None, "below the duty that moves it");
@@ -389,12 +419,24 @@ fn sixteen_edges_that_cancel_each_other_are_a_failed_encoder_and_turning_round_i
     assert_eq!(first_fault(100, edges(0, 20)), Some((16, Fault::Encoder1Failed)));
     assert_eq!(first_fault(100, edges(0, 15).chain(forwards(2)).chain(edges(0, 15)).chain(forwards(80))), None);
     let (mut guard, still) = (Guard::default(), Motion::default());
-    let mut check = |motion| guard.check(Duty(50), CentiRpm(8000), &motion, 100)[0];
+    let mut check = |motion| guard.check(Duty(50), CentiRpm(8000), &motion, 100, COUNT)[0];
     assert_eq!(check(Motion { speed: CentiRpm(4000), edges: 16, ..still }), Fault::Encoder1Failed);
     assert_eq!(check(still), Fault::None, "a fault that was cleared does not come back by itself");
     // Back and forth by two edges.
     let round = (0..80).map(|edge| (4000, 1, if edge % 4 < 2 { 1 } else { -1 }));
     assert_eq!(first_fault(100, round), None);
+}
+
+#[test]
+fn a_target_that_alternates_is_no_failed_encoder() {
+    let mut bench = bench();
+    let mut motors = [(); 2].map(|()| Motor::new());
+    for step in 0..600 {
+        let rpm = if step % 2 == 0 { 60.0 } else { -60.0 };
+        order(&mut bench, [rpm; 2]);
+        tick(&mut bench, &mut motors);
+        assert_eq!(bench.look().fault, Fault::None, "tick {step}");
+    }
 }
 
 const DRIVE: Command = Command::Drive { duty: [Duty(100); 2], duration_ms: 1000 };

@@ -42,7 +42,8 @@ pub enum Fault {
     Motor1Overloaded,
     /// The same for motor 2.
     Motor2Overloaded,
-    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead.
+    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead. Or it has no edges while motor 1,
+    /// which had reached its speed, is driven: it is lost, or the rotor is blocked.
     Encoder1Failed,
     /// The same for encoder 2.
     Encoder2Failed,

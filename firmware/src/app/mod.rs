@@ -322,7 +322,8 @@ where
         telemetry.encoder[motor].0 = telemetry.encoder[motor].0.wrapping_add(i32::from(motion.counts));
         telemetry.glitches.0 = telemetry.glitches.0.wrapping_add(u16::from(motion.glitches));
         let (duty, target) = (telemetry.duty[motor], telemetry.target[motor]);
-        let mut faults = self.guards[motor].check(duty, target, &motion, self.settings.moving_duty[motor]);
+        let moving_duty = self.settings.moving_duty[motor];
+        let mut faults = self.guards[motor].check(duty, target, &motion, moving_duty, self.count_in_ticks);
         if edges.is_noisy || faults[0] == Fault::Encoder1Failed {
             self.store.positions.lose();
         }

@@ -122,7 +122,7 @@ fn each_motor_is_judged_by_its_own_settings() {
     assert_eq!(frame.fault, Fault::None);
     bench.speed = [0, -1];
     bench.ticks_alive(230);
-    assert_eq!(bench.look().fault, Fault::Motor1Stalled);
+    assert_eq!(bench.look().fault, Fault::Encoder1Failed);
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn speeds_settle_at_their_targets_either_way_round() {
 
 #[test]
 fn a_blocked_motor_is_a_fault_of_that_motor() {
-    for (motor, fault) in [(0, Fault::Motor1Stalled), (1, Fault::Motor2Stalled)] {
+    for (motor, fault) in [(0, Fault::Encoder1Failed), (1, Fault::Encoder2Failed)] {
         let mut host = Host::ready(BoardOptions::default());
         host.set_speeds([50.0, 50.0]);
         host.run_linked_ms(1500);

@@ -88,8 +88,12 @@ pub fn fault_text(fault: Fault) -> &'static str {
         Fault::Motor2Runaway => "motor 2 turns against its duty",
         Fault::Motor1Overloaded => "motor 1 is overloaded: it is driven hard but turns slowly",
         Fault::Motor2Overloaded => "motor 2 is overloaded: it is driven hard but turns slowly",
-        Fault::Encoder1Failed => "encoder 1 counts forwards and backwards in turn",
-        Fault::Encoder2Failed => "encoder 2 counts forwards and backwards in turn",
+        Fault::Encoder1Failed => {
+            "encoder 1 counts forwards and backwards in turn, or not at all while its motor is driven"
+        }
+        Fault::Encoder2Failed => {
+            "encoder 2 counts forwards and backwards in turn, or not at all while its motor is driven"
+        }
         Fault::Encoder1Noisy => "encoder 1 has more edges than its motor can cause",
         Fault::Encoder2Noisy => "encoder 2 has more edges than its motor can cause",
     }
@@ -124,7 +128,8 @@ pub fn fault_cure(fault: Fault) -> &'static str {
              cool for half a minute"
         }
         Fault::Encoder1Failed | Fault::Encoder2Failed => {
-            "one of the encoder's channels is disconnected: `biflag doctor --motors` finds which"
+            "check that the motors' 6 V supply is on, that the flagellum turns freely, and the encoder's wiring: \
+             `biflag doctor --motors` finds a disconnected channel"
         }
         Fault::Encoder1Noisy | Fault::Encoder2Noisy => CABLE_CURE,
     }

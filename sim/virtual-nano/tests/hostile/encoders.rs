@@ -19,7 +19,7 @@ fn a_cut_second_channel_is_found_by_its_direction() {
 fn a_cut_first_channel_is_a_stall() {
     let mut host = turning([50.0, 50.0]);
     host.inject("encoder-open=1,1");
-    stops(&mut host, "C1 of encoder 1 cut at 50 rpm", 1.5, &[Fault::Motor1Stalled, Fault::Encoder1Failed]);
+    stops(&mut host, "C1 of encoder 1 cut at 50 rpm", 0.2, &[Fault::Encoder1Failed]);
 }
 
 /// A spike that ends with a true edge dates it: early by the length of an interrupt, and of another one before it, 30 µs. The
