@@ -1,9 +1,10 @@
 //! The condition of a log as a whole, and its lost parts.
 
 /// The condition of a log.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Condition {
     /// Intact to the last byte.
+    #[default]
     Clean,
     /// Rewritten by another program, and complete: every record up to the end can be read. Changes to a file without
     /// CRCs are not detected.

@@ -7,115 +7,63 @@ use thiserror::Error;
 
 /// Why a log could not be written or read.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum LogError {
     /// The file already exists; logs are never overwritten.
     #[error("{}: already exists", path.display())]
     #[diagnostic(code(wrong_use), help("a log is never overwritten: give another name, or move the file away"))]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
+    Exists { path: PathBuf },
     /// The folder of the file does not exist.
     #[error("{}: cannot be created: there is no such folder", path.display())]
     #[diagnostic(code(wrong_use), help("name a file in a folder that exists"))]
-    NoFolder {
-        /// The file.
-        path: PathBuf,
-    },
+    NoFolder { path: PathBuf },
     /// The file could not be created.
     #[error("{}: cannot be created", path.display())]
     #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
-    Create {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Create { path: PathBuf, source: std::io::Error },
     /// Writing failed. The bytes written so far stay in the file, as after a crash; of a computed trial, none.
     #[error("{}: cannot be written; {kept} bytes were kept", path.display())]
     #[diagnostic(help("make room or reconnect the disk; {}", match kept {
         0 => "then repeat the command, in a session with --resume",
         _ => "`biflag recover` makes an intact log from the bytes that were kept, and --resume repeats the trial of a session",
     }))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Number of bytes in the file.
-        kept: u64,
-        /// Why.
-        source: std::io::Error,
-    },
+    Write { path: PathBuf, kept: u64, source: std::io::Error },
     /// Another program removed or changed the file while it was written.
     #[error("{}: the log was {how} while it was written", path.display())]
     #[diagnostic(help("keep other programs away from the session folder; `--resume` repeats the trial"))]
-    Changed {
-        /// The file.
-        path: PathBuf,
-        /// What happened to it.
-        how: &'static str,
-    },
+    Changed { path: PathBuf, how: &'static str },
     /// The file does not exist.
     #[error("{}: no such log", path.display())]
     #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "check the path")))]
-    Missing {
-        /// The path.
-        path: PathBuf,
-    },
+    Missing { path: PathBuf },
     /// The file could not be read.
     #[error("{}: cannot be read", path.display())]
     #[diagnostic(help("check the permissions of the file and the disk"))]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     /// The path names a folder or a device.
     #[error("{}: is not a file", path.display())]
     #[diagnostic(code(wrong_use), help("name a log, a file that ends in .mcap"))]
-    NotAFile {
-        /// The path.
-        path: PathBuf,
-    },
+    NotAFile { path: PathBuf },
     /// The file is empty.
     #[error("{}: is empty", path.display())]
     #[diagnostic(help("nothing was recorded; repeat the trial with `biflag record PLAN --resume`"))]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
+    Empty { path: PathBuf },
     /// The file ends within its first record.
     #[error("{}: is cut off before its first record", path.display())]
     #[diagnostic(help("nothing is left to recover; repeat the trial with `biflag record PLAN --resume`"))]
-    NothingLeft {
-        /// The file.
-        path: PathBuf,
-    },
+    NothingLeft { path: PathBuf },
     /// The file is of another kind.
     #[error("{}: is not an MCAP file", path.display())]
     #[diagnostic(code(wrong_use), help("name a log: one of the .mcap files in a session folder"))]
-    NotMcap {
-        /// The file.
-        path: PathBuf,
-    },
+    NotMcap { path: PathBuf },
     /// The file is an MCAP file of another program.
     #[error("{}: is an MCAP file, but not a biflag log", path.display())]
     #[diagnostic(code(wrong_use), help("read it with the program that wrote it"))]
-    NotOurs {
-        /// The file.
-        path: PathBuf,
-    },
+    NotOurs { path: PathBuf },
     /// The log is newer than this program.
     #[error("{}: has log format {found}, but this program reads formats up to {}", path.display(), super::meta::FORMAT)]
     #[diagnostic(help("use biflag {program} or newer"))]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Format of the log.
-        found: u32,
-        /// Version of the program that wrote it.
-        program: String,
-    },
+    Version { path: PathBuf, found: u32, program: String },
 }
 
 impl LogError {

@@ -4,6 +4,7 @@ use super::archive::Sum;
 use super::content::Content;
 use super::error::PackError;
 use super::readme::About;
+use crate::plan::Plan;
 use crate::program::{GIT_HASH, VERSION, timestamp};
 use crate::session::Session;
 use crate::text;
@@ -23,8 +24,16 @@ pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums:
     content.add_text(NAME, &metadata, "This archive for programs")
 }
 
+fn description(plan: &Plan) -> String {
+    let trials = text::count(plan.trials.len(), "trial");
+    format!(
+        "{trials} of a robot with two soft helical flagella in glycerin: attitude, speeds of both motors, and steady angles with \
+         their uncertainties. {}",
+        text::line(plan.note.trim())
+    )
+}
+
 fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -> Value {
-    let plan = session.plan();
     let license = match about.license.as_str() {
         "" => json!("The authors state no licence."),
         id => json!({ "@id": format!("https://spdx.org/licenses/{id}") }),
@@ -36,17 +45,11 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
     let mut logs: Vec<_> = logs.map(|entry| json!({ "@id": address(&entry.name) })).collect();
     // A single value is no list, by the recommendation of RO-Crate.
     let logs = if logs.len() == 1 { logs.remove(0) } else { Value::from(logs) };
-    let trials = text::count(plan.trials.len(), "trial");
-    let description = format!(
-        "{trials} of a robot with two soft helical flagella in glycerin: attitude, speeds of both motors, and steady angles with \
-         their uncertainties. {}",
-        text::line(plan.note.trim())
-    );
     let mut root = json!({
         "@id": "./",
         "@type": "Dataset",
-        "name": format!("Biflag session {}", text::line(&plan.name)),
-        "description": description.trim_end(),
+        "name": format!("Biflag session {}", text::line(&session.plan().name)),
+        "description": description(session.plan()).trim_end(),
         "datePublished": timestamp(SystemTime::now()),
         "license": license,
         "hasPart": files,

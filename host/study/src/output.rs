@@ -10,41 +10,24 @@ use thiserror::Error;
 
 /// Why a file is not written.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum OutputError {
     /// The file exists and is not to be replaced.
     #[error("{}: already exists", path.display())]
     #[diagnostic(code(wrong_use), help("name another file, or move this one away"))]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
+    Exists { path: PathBuf },
     /// The path does not name a file, or its folder does not exist or is not writable.
     #[error("{}: cannot be written: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name a file in a folder that exists and is writable"))]
-    Folder {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    Folder { path: PathBuf, reason: String },
     /// The name ends otherwise than what is written into the file.
     #[error("{}: the name must end with {endings}", path.display())]
     #[diagnostic(code(wrong_use))]
-    Ending {
-        /// The file.
-        path: PathBuf,
-        /// How the name may end.
-        endings: String,
-    },
+    Ending { path: PathBuf, endings: String },
     /// The file could not be written.
     #[error("{}: cannot be written", path.display())]
     #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
 }
 
 impl OutputError {

@@ -7,25 +7,16 @@ use thiserror::Error;
 
 /// A failure of the link.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum LinkError {
     /// No such port.
     #[error("there is no port {path}")]
     #[diagnostic(code(wrong_use), help("{}{}", names(path), present(.available)))]
-    NotFound {
-        /// The port.
-        path: String,
-        /// The ports that exist.
-        available: Vec<String>,
-    },
+    NotFound { path: String, available: Vec<String> },
     /// Not a serial port.
     #[error("{path} is not a serial port")]
     #[diagnostic(code(wrong_use), help("{}", present(.available)))]
-    NotSerial {
-        /// The path.
-        path: String,
-        /// The ports that exist.
-        available: Vec<String>,
-    },
+    NotSerial { path: String, available: Vec<String> },
     /// No port was named, and no board is plugged in.
     #[error("No board found. Plug it in or pass --port.")]
     #[diagnostic(code(wrong_use), help("`biflag doctor` checks the cable, the port and the permissions"))]
@@ -33,62 +24,33 @@ pub enum LinkError {
     /// No port was named, and several boards are plugged in.
     #[error("Several boards found: {}. Pass one with --port.", .available.join(", "))]
     #[diagnostic(code(wrong_use), help("`biflag doctor` says which board is on which port"))]
-    SeveralBoards {
-        /// Their ports.
-        available: Vec<String>,
-    },
+    SeveralBoards { available: Vec<String> },
     /// Another program uses the port.
     #[error("{path} is busy: another program has it open{}", holder_text(.holder))]
     #[diagnostic(help("close that program and try again"))]
-    Busy {
-        /// The port.
-        path: String,
-        /// The process that has it open, if known.
-        holder: Option<String>,
-    },
+    Busy { path: String, holder: Option<String> },
     /// The user may not open the port.
     #[error("not permitted to open {path}")]
     #[diagnostic(help("join the port's group with `sudo usermod -aG {group} $USER`, then log in again"))]
-    NotPermitted {
-        /// The port.
-        path: String,
-        /// The group that owns the port.
-        group: String,
-    },
+    NotPermitted { path: String, group: String },
     /// The port failed.
     #[error("{path}: {source}")]
     #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` shows more"))]
-    Port {
-        /// The port.
-        path: String,
-        /// The system's error.
-        source: std::io::Error,
-    },
+    Port { path: String, source: std::io::Error },
     /// The port disappeared.
     #[error("{path} was unplugged or closed")]
     #[diagnostic(help("check the cable; the log so far is kept, and `biflag record --resume` continues the session"))]
-    Closed {
-        /// The port.
-        path: String,
-    },
+    Closed { path: String },
     /// The port disappeared during the handshake.
     #[error("{path} was unplugged or closed before the board answered")]
     #[diagnostic(help(
         "check the cable and try again; a board that keeps disconnecting may draw more current than the USB port supplies"
     ))]
-    Vanished {
-        /// The port.
-        path: String,
-    },
+    Vanished { path: String },
     /// Nothing came from the board.
     #[error("the board on {path} does not answer: no byte in {:.1} s", .waited.as_secs_f64())]
     #[diagnostic(help("check its power and cable, and flash it with `biflag flash --port {path}`"))]
-    Silent {
-        /// The port.
-        path: String,
-        /// Time that the host waited.
-        waited: Duration,
-    },
+    Silent { path: String, waited: Duration },
     /// The user pressed Ctrl-C.
     #[error("interrupted")]
     Interrupted,
@@ -97,64 +59,31 @@ pub enum LinkError {
     #[diagnostic(help(
         "unplug and replug it; if that does not help, the line from the USB converter to its RX is broken"
     ))]
-    RequestsIgnored {
-        /// The port.
-        path: String,
-    },
+    RequestsIgnored { path: String },
     /// The received bytes do not belong to this protocol.
     #[error("the board on {path} runs another program: it sent {bytes} bytes and no valid frame")]
     #[diagnostic(help("flash it with `biflag flash --port {path}`"))]
-    OtherProgram {
-        /// The port.
-        path: String,
-        /// Bytes received.
-        bytes: usize,
-    },
+    OtherProgram { path: String, bytes: usize },
     /// The firmware speaks another version of the protocol.
     #[error("the firmware on {path} speaks protocol version {theirs}, this biflag version {VERSION}")]
     #[diagnostic(help("flash the matching firmware with `biflag flash --port {path}`"))]
-    OtherVersion {
-        /// The port.
-        path: String,
-        /// The board's version.
-        theirs: u8,
-    },
+    OtherVersion { path: String, theirs: u8 },
     /// The firmware has the same protocol version, but from another state of development.
     #[error("the firmware on {path} was built with other messages than this biflag, under the same protocol version")]
     #[diagnostic(help("flash the matching firmware with `biflag flash --port {path}`"))]
-    OtherSchema {
-        /// The port.
-        path: String,
-    },
+    OtherSchema { path: String },
     /// The board stopped answering.
     #[error("the board on {path} did not answer {command} after {attempts} attempts")]
     #[diagnostic(help("check the cable and try again"))]
-    NoAnswer {
-        /// The port.
-        path: String,
-        /// The request.
-        command: String,
-        /// Number of attempts.
-        attempts: u32,
-    },
+    NoAnswer { path: String, command: String, attempts: u32 },
     /// The board refused.
     #[error("the board refused {command}: {}", refusal_text(*.refusal))]
     #[diagnostic(help("{}", refusal_cure(*.refusal)))]
-    Refused {
-        /// The request.
-        command: String,
-        /// The reason.
-        refusal: Refusal,
-    },
+    Refused { command: String, refusal: Refusal },
     /// The answer does not fit the request.
     #[error("the board answered {command} with {answer}")]
     #[diagnostic(help("the firmware does not match this biflag: flash it again with `biflag flash`"))]
-    WrongAnswer {
-        /// The request.
-        command: String,
-        /// The answer.
-        answer: String,
-    },
+    WrongAnswer { command: String, answer: String },
 }
 
 fn refusal_text(refusal: Refusal) -> &'static str {

@@ -30,6 +30,7 @@ const LAST_LINES: Duration = Duration::from_secs(1);
 
 /// Why the image could not be written.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum FlashError {
     /// avrdude is not installed.
     #[error("avrdude is not installed")]
@@ -41,23 +42,11 @@ pub enum FlashError {
     /// No bootloader answered.
     #[error("no bootloader accepted the image on {port}, at 115200 or 57600 bit/s; output of avrdude:\n{said}")]
     #[diagnostic(help("check the cable, unplug and replug the board, and try again"))]
-    NoBootloader {
-        /// The port.
-        port: String,
-        /// The last output of avrdude.
-        said: String,
-    },
+    NoBootloader { port: String, said: String },
     /// Another chip than the image's answered.
     #[error("{} answered on {port}, and the image is for an ATmega328P; output of avrdude:\n{said}", named(*.signature).0)]
     #[diagnostic(help("{}", named(*.signature).1))]
-    OtherChip {
-        /// The port.
-        port: String,
-        /// The chip's signature.
-        signature: u32,
-        /// The last output of avrdude.
-        said: String,
-    },
+    OtherChip { port: String, signature: u32, said: String },
     /// The bootloader fell silent in each attempt.
     #[error(
         "the bootloader on {port} stopped answering during the write, in two attempts at {baud} bit/s; output of \
@@ -67,14 +56,7 @@ pub enum FlashError {
         "the board has no complete firmware now: flash it again. A bootloader waits one second for a busy computer: \
          end programs that compute. If that does not help, check the cable, and unplug and replug the board"
     ))]
-    Interrupted {
-        /// The port.
-        port: String,
-        /// The speed, bit/s.
-        baud: u32,
-        /// The last output of avrdude.
-        said: String,
-    },
+    Interrupted { port: String, baud: u32, said: String },
 }
 
 /// Returns a chip that is not the image's in words, and what helps.

@@ -15,6 +15,7 @@ const CABLE_CURE: &str = "mend the encoder's cable: keep its leads away from the
 
 /// Why a trial did not complete.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RecordError {
     /// The user interrupted the trial.
     #[error("interrupted")]
@@ -34,12 +35,7 @@ pub enum RecordError {
     /// The board stopped sending telemetry.
     #[error("the board stopped sending{}", silence_text(.cause, *.bytes))]
     #[diagnostic(help("{}; then continue with --resume", silence_cure(*.cause)))]
-    Silent {
-        /// Why it restarted, if it did.
-        cause: Option<ResetCause>,
-        /// Number of other bytes received in the last second.
-        bytes: usize,
-    },
+    Silent { cause: Option<ResetCause>, bytes: usize },
     /// The board left the schedule of the trial.
     #[error("the board left the schedule of the trial")]
     #[diagnostic(help("please report this and attach the log"))]

@@ -31,16 +31,12 @@ pub struct Image {
 
 /// Why there is no firmware image.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ImageError {
     /// The file cannot be read.
     #[error("{path}: the firmware image cannot be read")]
     #[diagnostic(code(wrong_use), help("check the path, or leave out --firmware to build the image"))]
-    Unreadable {
-        /// The image.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    Unreadable { path: PathBuf, source: io::Error },
     /// The file is not a firmware image of the robot.
     #[error("{0}: is not a firmware image of the robot")]
     #[diagnostic(code(wrong_use), help("leave out --firmware to build the right one"))]

@@ -15,30 +15,19 @@ pub(super) const RESERVE_BYTES: f64 = 50e6;
 
 /// Why the motors may not turn.
 #[derive(Debug, Error, Diagnostic, PartialEq)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum PreflightError {
     /// The settings are not in the board's EEPROM.
     #[error("the board on {port} has no settings in its EEPROM, so it does not know how its motors are wired")]
     #[diagnostic(help("{}", settings_cure(.port, .copies)))]
-    NoSettings {
-        /// The port.
-        port: String,
-        /// The boards for which this computer has settings, with the files.
-        copies: Vec<(u16, PathBuf)>,
-    },
+    NoSettings { port: String, copies: Vec<(u16, PathBuf)> },
     /// The disk is too small for the plan.
     #[error(
         "{} has room for {} of logs besides a reserve of {}, and the rest of the plan needs up to {}",
         .folder.display(), size(*.free_bytes), size(RESERVE_BYTES), size(*.needed_bytes)
     )]
     #[diagnostic(help("delete files on that disk, or choose another one with --out"))]
-    DiskFull {
-        /// The session folder.
-        folder: PathBuf,
-        /// The free space minus a reserve.
-        free_bytes: f64,
-        /// The space needed by the rest of the plan.
-        needed_bytes: f64,
-    },
+    DiskFull { folder: PathBuf, free_bytes: f64, needed_bytes: f64 },
     /// The board's supply is too low, or not measured.
     #[error("the board's supply is {:.2} V, and at least {:.1} V are needed", .0.volts(), LEAST_SUPPLY.volts())]
     #[diagnostic(help(
@@ -53,64 +42,39 @@ pub enum PreflightError {
     /// The sensor was silent for most of the calibration.
     #[error("the sensor gave {readings} readings in the calibration of the gyroscope instead of {planned}")]
     #[diagnostic(help("check the sensor's cable and its pull-ups; `biflag doctor` tests them"))]
-    FewReadings {
-        /// Number of readings averaged.
-        readings: u16,
-        /// Number of readings planned.
-        planned: u16,
-    },
+    FewReadings { readings: u16, planned: u16 },
     /// The acceleration at rest is not gravity.
     #[error("the accelerometer reads {force_g:.2} g at rest instead of 1 g")]
     #[diagnostic(help("{}", force_cure(*.force_g)))]
-    NotGravity {
-        /// The mean acceleration less the offset in the sensor's file, in standard gravity.
-        force_g: f64,
-    },
+    NotGravity { force_g: f64 },
     /// The sensor's axes differ from the settings.
     #[error("the sensor is tilted by {tilt_deg:.1} degrees at rest, too much for a robot that hangs upright")]
     #[diagnostic(help(
         "set accel_axes and gyro_axes in [board] of the plan to the mounting of the sensor, and let the robot hang freely"
     ))]
-    MountedAskew {
-        /// Angle between the mean acceleration and the robot's axis by the settings, degrees.
-        tilt_deg: f64,
-    },
+    MountedAskew { tilt_deg: f64 },
     /// Readings at the end of the sensor's range.
     #[error("the sensor was at the end of its range in {count} readings of the calibration")]
     #[diagnostic(help(
         "check gyro_range_dps and accel_range_g in the board's settings, and that nothing shakes the robot"
     ))]
-    Clipped {
-        /// The number of readings.
-        count: u16,
-    },
+    Clipped { count: u16 },
     /// The plan sets starting angles, but the board does not know its angles.
     #[error(
         "the board on {port} does not know the angles of its flagella, and the plan sets the angles at which they start"
     )]
     #[diagnostic(help("bring both flagella to their marks with `biflag align --port {port}`"))]
-    AnglesUnknown {
-        /// The port.
-        port: String,
-    },
+    AnglesUnknown { port: String },
     /// A flagellum did not come to its starting angle.
     #[error("flagellum {flagellum} stopped {off_deg:+.1} degrees from its starting angle")]
     #[diagnostic(help("check that it turns freely and that its motor's 6 V supply is on"))]
-    NotParked {
-        /// Number of the flagellum.
-        flagellum: usize,
-        /// Where it stopped.
-        off_deg: f64,
-    },
+    NotParked { flagellum: usize, off_deg: f64 },
     /// The board's clock or this computer's is wrong.
     #[error("the board's clock runs {:+.1} % against this computer's", *.drift_ppm * 1e-4)]
     #[diagnostic(help(
         "close programs that load this computer; if it stays so, the board's resonator is defective: use another board"
     ))]
-    ClockDrift {
-        /// [`biflag_log::ClockMeta::drift_ppm`].
-        drift_ppm: f64,
-    },
+    ClockDrift { drift_ppm: f64 },
 }
 
 fn settings_cure(port: &str, copies: &[(u16, PathBuf)]) -> String {

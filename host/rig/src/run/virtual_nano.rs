@@ -30,6 +30,7 @@ const END_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Errors of the emulated board.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum VirtualError {
     /// The program does not exist.
     #[error("the program of the emulated board is missing: neither {0} nor a vnano on the PATH")]
@@ -43,12 +44,7 @@ pub enum VirtualError {
     Gone(String),
     /// The program refused a command.
     #[error("the emulated board refused `{command}`: {reason}")]
-    Refused {
-        /// The command.
-        command: String,
-        /// The reason.
-        reason: String,
-    },
+    Refused { command: String, reason: String },
     /// The simulated robot behind it failed.
     #[error("{0}")]
     #[diagnostic(help("the log ends there; change the robot's file as suggested, and start another session with it"))]

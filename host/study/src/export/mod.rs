@@ -54,21 +54,16 @@ impl Format {
 
 /// Why an export failed.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ExportError {
     /// The file or folder already exists.
     #[error("{}: already exists", path.display())]
     #[diagnostic(code(wrong_use), help("name another one with -o, or replace it with --force"))]
-    Exists {
-        /// The file or folder.
-        path: PathBuf,
-    },
+    Exists { path: PathBuf },
     /// The output file is the log itself.
     #[error("{}: is the log itself", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with -o"))]
-    Itself {
-        /// The file.
-        path: PathBuf,
-    },
+    Itself { path: PathBuf },
     /// A session cannot be exported to a format of single trials.
     #[error("a session cannot be exported as a trajectory")]
     #[diagnostic(code(wrong_use), help("export it as csv or parquet, or name a log"))]

@@ -10,35 +10,26 @@ use thiserror::Error;
 
 /// Why a table cannot be imported.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ImportError {
     /// The list of columns is wrong.
     #[error("--columns: {reason}")]
     #[diagnostic(code(wrong_use))]
     Columns {
-        /// Why.
         reason: String,
-        /// What to write instead.
         #[help]
         help: String,
     },
     /// The file cannot be read.
     #[error("{}: cannot be read", path.display())]
     #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "name a table in the format CSV")))]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     /// The content of the table is wrong.
     #[error("{table}: {reason}")]
     #[diagnostic(code(wrong_use))]
     Table {
-        /// The table's name.
         table: String,
-        /// The error and its place.
         reason: String,
-        /// The remedy.
         #[help]
         help: &'static str,
     },

@@ -10,29 +10,16 @@ use thiserror::Error;
 
 /// Why a file was not accepted.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum PlanError {
     /// The file cannot be read.
     #[error("{}: the {noun} cannot be read", path.display())]
     #[diagnostic(code(wrong_use), help("{}", cure(path, noun)))]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Its expected kind, such as `plan`.
-        noun: &'static str,
-        /// Why.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, noun: &'static str, source: std::io::Error },
     /// The content is wrong.
     #[error("{place}: {what}")]
     #[diagnostic(code(wrong_use), help("{cure}"))]
-    Invalid {
-        /// File, line and column; only the file if the error belongs to no line.
-        place: String,
-        /// What is wrong.
-        what: String,
-        /// How to correct it.
-        cure: String,
-    },
+    Invalid { place: String, what: String, cure: String },
 }
 
 /// Returns the help text for a file that cannot be read.

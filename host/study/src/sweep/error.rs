@@ -15,99 +15,57 @@ const REUSE: &str = "; --reuse DIR takes over the points that both sweeps have";
 
 /// Why a sweep could not go on.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum SweepError {
     /// The folder, or a file in it, cannot be used.
     #[error("{}: cannot be used", path.display())]
     #[diagnostic(help(
         "check that the folder is readable and writable, and that the disk has space; then go on with --resume"
     ))]
-    Io {
-        /// The folder or file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// Another version of biflag computed a part of the folder.
     #[error("{}: another version of biflag computed it", path.display())]
     #[diagnostic(
         code(wrong_use),
         help("move this file away, or name another folder with --out, and compute its points again")
     )]
-    Version {
-        /// The part.
-        path: PathBuf,
-    },
+    Version { path: PathBuf },
     /// The folder has points already.
     #[error("{}: already has points of this sweep", folder.display())]
     #[diagnostic(code(wrong_use), help("go on with --resume, or name another folder with --out"))]
-    Exists {
-        /// The folder.
-        folder: PathBuf,
-    },
+    Exists { folder: PathBuf },
     /// The folder has the sweep of another plan, or a session.
     #[error("{}: is {what}", folder.display())]
     #[diagnostic(
         code(wrong_use),
         help("name another folder with --out{}", if *what == SESSION { "" } else { REUSE })
     )]
-    Other {
-        /// The folder.
-        folder: PathBuf,
-        /// What it is.
-        what: &'static str,
-    },
+    Other { folder: PathBuf, what: &'static str },
     /// The folder has no sweep.
     #[error("{}: is not the folder of a sweep", folder.display())]
     #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, "name a folder that `biflag sweep PLAN` has made")))]
-    NotASweep {
-        /// The folder.
-        folder: PathBuf,
-    },
+    NotASweep { folder: PathBuf },
     /// Points have no result.
     #[error("{}: {missing} of {points} points are missing{}, no table is written", folder.display(), of_damaged(damaged))]
     #[diagnostic(help(
         "compute them with --resume; `biflag sweep status --shards N` shows whose they are, `biflag sweep merge --partial` \
          writes a table without them"
     ))]
-    Missing {
-        /// The folder.
-        folder: PathBuf,
-        /// How many.
-        missing: u64,
-        /// Number of points of the plan.
-        points: u64,
-        /// Parts that are cut off or damaged.
-        damaged: Vec<PathBuf>,
-    },
+    Missing { folder: PathBuf, missing: u64, points: u64, damaged: Vec<PathBuf> },
     /// The results to reuse have another version.
     #[error(
         "{}: has results of version {results} of the model, and this program computes version {RESULTS}", folder.display()
     )]
     #[diagnostic(code(wrong_use), help("leave --reuse out, or use the program of that time"))]
-    Results {
-        /// The folder.
-        folder: PathBuf,
-        /// Its version.
-        results: u32,
-    },
+    Results { folder: PathBuf, results: u32 },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("copy the file from another shard's folder, or begin again in another folder with --out"))]
-    Manifest {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    Manifest { path: PathBuf, reason: String },
     /// The table cannot be read.
     #[error("{}: the table cannot be read: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name the table of a sweep: table.parquet or table.csv in its folder"))]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    Table { path: PathBuf, reason: String },
     /// The plan is wrong.
     #[error(transparent)]
     #[diagnostic(transparent)]

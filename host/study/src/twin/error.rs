@@ -11,49 +11,24 @@ use thiserror::Error;
 
 /// Why a replay, a comparison or a calibration failed.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum TwinError {
     /// A log does not contain a usable trial.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("{help}"))]
-    Unusable {
-        /// The log.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-        /// How to fix it.
-        help: &'static str,
-    },
+    Unusable { path: PathBuf, reason: String, help: &'static str },
     /// Two trials cannot be compared.
     #[error("{} and {}: {reason}", measured.display(), modelled.display())]
     #[diagnostic(code(wrong_use), help("{help}"))]
-    Incomparable {
-        /// The measured log.
-        measured: PathBuf,
-        /// The log that it is compared with.
-        modelled: PathBuf,
-        /// Why.
-        reason: String,
-        /// How to fix it.
-        help: &'static str,
-    },
+    Incomparable { measured: PathBuf, modelled: PathBuf, reason: String, help: &'static str },
     /// The robot's parameters in a log are invalid.
     #[error("{}: its robot parameters are invalid", path.display())]
     #[diagnostic(help("name the robot's file with --robot"))]
-    Robot {
-        /// The log.
-        path: PathBuf,
-        /// Why.
-        source: Box<PlanError>,
-    },
+    Robot { path: PathBuf, source: Box<PlanError> },
     /// The fit did not converge.
     #[error("the fit failed: {reason}")]
     #[diagnostic(help("{help}"))]
-    Fit {
-        /// Why.
-        reason: String,
-        /// How to fix it.
-        help: &'static str,
-    },
+    Fit { reason: String, help: &'static str },
     /// A log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -12,6 +12,7 @@ use thiserror::Error;
 
 /// Why a trial could not be computed.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ModelError {
     /// The user interrupted the trial.
     #[error("interrupted")]
@@ -22,12 +23,7 @@ pub enum ModelError {
     #[diagnostic(help(
         "the log has what was recorded until then; change the robot's file as suggested and pass it with --robot"
     ))]
-    Step {
-        /// The trial.
-        trial: String,
-        /// Time, cause, and suggested change.
-        error: StepError,
-    },
+    Step { trial: String, error: StepError },
     /// A parameter is invalid.
     #[error(transparent)]
     #[diagnostic(code(wrong_use), help("correct it in the robot's file"))]
@@ -35,12 +31,7 @@ pub enum ModelError {
     /// The phases of the trial do not give a valid speed profile.
     #[error("trial {trial}: {error}")]
     #[diagnostic(code(wrong_use), help("correct the durations and speeds in the plan"))]
-    Profile {
-        /// The trial.
-        trial: String,
-        /// Why.
-        error: ProfileError,
-    },
+    Profile { trial: String, error: ProfileError },
     /// The log could not be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -48,12 +39,7 @@ pub enum ModelError {
     /// The finished log could not be renamed.
     #[error("{}: the finished log cannot be moved here", path.display())]
     #[diagnostic(help("check that the folder is writable, then continue with --resume"))]
-    Place {
-        /// The log.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Place { path: PathBuf, source: std::io::Error },
     /// The threads could not be started.
     #[error("cannot start the threads: {0}")]
     #[diagnostic(help("use fewer threads with --jobs"))]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Why the turns cannot be used.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum TurnError {
     /// The axis is not vertical.
     #[error("{axis} is not vertical: {up} points up")]
@@ -13,62 +14,27 @@ pub enum TurnError {
         "stand the sensor so that its {axis} axis points up or down, and start again; if it does, correct accel_axes in the \
          board's settings"
     ))]
-    NotVertical {
-        /// The axis.
-        axis: &'static str,
-        /// The axis that points up.
-        up: String,
-    },
+    NotVertical { axis: &'static str, up: String },
     /// The sensor turned about another axis.
     #[error("the sensor turned by {other_deg:.0}° about {other}, and by {angle_deg:.0}° about {axis}")]
     #[diagnostic(help(
         "turn it about its {axis} axis, flat on the table; if you did, correct gyro_axes in the board's settings"
     ))]
-    WrongAxis {
-        /// The requested axis.
-        axis: &'static str,
-        /// The angle about it.
-        angle_deg: f64,
-        /// The other axis.
-        other: &'static str,
-        /// The angle about it.
-        other_deg: f64,
-    },
+    WrongAxis { axis: &'static str, angle_deg: f64, other: &'static str, other_deg: f64 },
     /// The sensor turned the same way as before.
     #[error("turn {number} went the wrong way: {angle_deg:.0}° instead of {wanted_deg:.0}°")]
     #[diagnostic(help("turn forwards, then back by the same way, and so on; start again"))]
-    WrongWay {
-        /// Number of the turn, from 1.
-        number: usize,
-        /// Its angle so far.
-        angle_deg: f64,
-        /// The angle asked for.
-        wanted_deg: f64,
-    },
+    WrongWay { number: usize, angle_deg: f64, wanted_deg: f64 },
     /// The sensor stopped half way.
     #[error("turn {number} stopped at {angle_deg:.0}° of {wanted_deg:.0}°")]
     #[diagnostic(help(
         "turn by the whole angle before you let it rest, or name the angle that you turn, such as `biflag sensor turn z 360`"
     ))]
-    HalfWay {
-        /// Number of the turn, from 1.
-        number: usize,
-        /// Its angle.
-        angle_deg: f64,
-        /// The angle asked for.
-        wanted_deg: f64,
-    },
+    HalfWay { number: usize, angle_deg: f64, wanted_deg: f64 },
     /// The sensor turned too far.
     #[error("turn {number} went on to {angle_deg:.0}° instead of {wanted_deg:.0}°")]
     #[diagnostic(help("stop at the mark; start again"))]
-    TooFar {
-        /// Number of the turn, from 1.
-        number: usize,
-        /// Its angle so far.
-        angle_deg: f64,
-        /// The angle asked for.
-        wanted_deg: f64,
-    },
+    TooFar { number: usize, angle_deg: f64, wanted_deg: f64 },
     /// No turn came.
     #[error("the sensor was not turned within {PATIENCE_S:.0} s")]
     #[diagnostic(help("start again, and turn it when the program says so"))]
