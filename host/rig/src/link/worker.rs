@@ -25,6 +25,7 @@ pub struct Received {
 
 /// An event on the link.
 #[derive(Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Event {
     /// Received bytes, unchanged.
     Raw(Vec<u8>),
@@ -36,10 +37,7 @@ pub enum Event {
     Exchange(Exchange),
     /// The board should be streaming, but no frame has arrived for a second. The event repeats every second until the
     /// next frame.
-    Silent {
-        /// Number of bytes received in this time: noise, or answers to requests.
-        bytes: usize,
-    },
+    Silent { bytes: usize },
     /// The port is gone. This is the last event.
     Closed,
 }

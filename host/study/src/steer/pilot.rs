@@ -5,14 +5,10 @@ use std::time::Duration;
 
 /// Who gives the speeds.
 #[derive(Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Pilot {
     /// The built-in controller, which answers at once.
-    Controller {
-        /// The controller.
-        controller: Box<Controller>,
-        /// Its answer to the last observation.
-        answer: Option<[f64; 2]>,
-    },
+    Controller { controller: Box<Controller>, answer: Option<[f64; 2]> },
     /// An external program.
     Policy(Policy),
 }

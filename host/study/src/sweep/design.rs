@@ -8,18 +8,14 @@ pub const MAX_POINTS: u64 = 10_000_000;
 
 /// A way to combine the values of the axes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Design {
     /// Every value of each axis with every value of all other axes.
     AllCombinations,
     /// The unchanged robot, and each value of each axis alone.
     OneAtATime,
     /// Points of Sobol's sequence within the ranges of the axes.
-    Sobol {
-        /// Number of points.
-        count: u32,
-        /// The seed; other seeds give other points with an equally even spread.
-        seed: u64,
-    },
+    Sobol { count: u32, seed: u64 },
 }
 
 impl Design {

@@ -26,16 +26,14 @@ const GYRO_EVIDENCE_DPS: f64 = 0.5;
 
 /// Finding about a motor and its encoder.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Finding {
     /// The encoder counts in the direction of the duty.
     Agrees,
     /// The encoder counts against the duty.
     Opposes,
     /// The motor turns in one direction only: forwards, or backwards.
-    OneWay {
-        /// Forwards.
-        forwards: bool,
-    },
+    OneWay { forwards: bool },
     /// The encoder counts in one direction for any duty.
     SameWay,
     /// The direction of the encoder changes from edge to edge: its channel C2 is dead.

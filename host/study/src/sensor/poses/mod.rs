@@ -45,24 +45,14 @@ pub struct PosesError {
 
 /// The operator's next action, with the figures so far.
 #[derive(Clone, PartialEq, Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum PoseStep {
     /// Keep this pose for the remaining time.
-    Hold {
-        /// The axis that points up.
-        up: String,
-        /// Seconds.
-        left_s: f64,
-    },
+    Hold { up: String, left_s: f64 },
     /// Lay the sensor so that one of these points up.
-    Move {
-        /// The poses that are missing.
-        missing: Vec<String>,
-    },
+    Move { missing: Vec<String> },
     /// The sensor is still, but in none of the six poses.
-    Askew {
-        /// The poses that are missing.
-        missing: Vec<String>,
-    },
+    Askew { missing: Vec<String> },
     /// All poses are done.
     Done,
 }

@@ -45,7 +45,7 @@ const JOLT_DEG: f64 = 15.0;
 const VERTICAL: f64 = 0.97;
 
 /// The requested turns.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct TurnPlan {
     /// The axis, 0 to 2.
     pub axis: usize,
@@ -68,30 +68,22 @@ pub struct Turn {
 
 /// The operator's next action, with the figures so far.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum TurnStep {
     /// Keep the sensor still for the remaining time.
-    Rest {
-        /// Seconds.
-        left_s: f64,
-    },
+    Rest { left_s: f64 },
     /// Turn the sensor now.
     Ready,
     /// The sensor is turning.
-    Turning {
-        /// Angle so far about the axis, as read.
-        angle_deg: f64,
-    },
+    Turning { angle_deg: f64 },
     /// The sensor stopped before the end of the turn.
-    Stopped {
-        /// Angle so far about the axis, as read.
-        angle_deg: f64,
-    },
+    Stopped { angle_deg: f64 },
     /// All turns are done, or the operator has stopped turning.
     Done,
 }
 
 /// Follows the turns as the readings come in.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct TurnWatch {
     plan: TurnPlan,
     rests: Rests,
@@ -111,17 +103,7 @@ pub struct TurnWatch {
 impl TurnWatch {
     /// Returns a watch before the first reading.
     pub fn new(plan: TurnPlan) -> Self {
-        Self {
-            plan,
-            rests: Rests::default(),
-            readings: Vec::new(),
-            from: None,
-            since_s: None,
-            angle_deg: [0.0; 3],
-            previous: None,
-            turns: Vec::new(),
-            forces_g: Vec::new(),
-        }
+        Self { plan, ..Self::default() }
     }
 
     /// Returns the number of turns so far.
