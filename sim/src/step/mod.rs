@@ -55,8 +55,8 @@
 //! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 13 % |
 //!
 //! Printed, for one column, by
-//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 1200 published` and
-//! `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
+//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/biflag simulate --speeds 90,90 --duration 1200 --robot
+//! published` and `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
 
 mod accept;
 mod body;

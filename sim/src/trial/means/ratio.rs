@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 /// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
 /// over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
-/// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
+/// (`biflag simulate` of a plan with these `pairs`, `phases = 6` and a `run` of 120 s).
 const SIMPLE: i32 = 5;
 
 /// The same where the flagella touch: over four phases the pitch of the robot `physical` spreads over 0.33 degrees at (84, 63) rpm.
