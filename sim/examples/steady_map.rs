@@ -4,14 +4,13 @@
 //! starting phases where the ratio of the speeds makes the phase matter, robot. All speeds from -90 to 90 rpm with w1 not
 //! below w2: a robot of two equal flagella has the same yaw and the opposite pitch and roll with its motors exchanged.
 
+use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::steady::phase::{self, Ratio};
 use sim::steady::{self, Problem};
 use sim::trial::Summary;
 use std::error::Error;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Largest speed, rpm.
 const LARGEST_RPM: i32 = 90;
@@ -48,20 +47,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let axis = || (-LARGEST_RPM..=LARGEST_RPM).step_by(step as usize);
     let speeds: Vec<[i32; 2]> = axis().flat_map(|w1| axis().map(move |w2| [w1, w2])).filter(|[a, b]| a >= b).collect();
 
-    let (next, rows) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let work = || {
-        while let Some([w1, w2]) = speeds.get(next.fetch_add(1, Ordering::Relaxed)) {
-            match row(&robot, [*w1, *w2].map(f64::from), phases) {
-                Ok(row) => rows.lock().expect("no thread panics").push((*w1, *w2, row)),
-                Err(error) => eprintln!("{w1}, {w2}: {error}"),
-            }
+    let one = |[w1, w2]: &[i32; 2]| match row(&robot, [*w1, *w2].map(f64::from), phases) {
+        Ok(row) => Some((*w1, *w2, row)),
+        Err(error) => {
+            eprintln!("{w1}, {w2}: {error}");
+            None
         }
     };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| (0..cores).for_each(|_| drop(scope.spawn(work))));
-
-    let mut rows = rows.into_inner()?;
-    rows.sort_by_key(|(w1, w2, _)| (*w1, *w2));
+    let rows: Vec<_> = speeds.par_iter().with_max_len(1).filter_map(one).collect();
     let version = env!("CARGO_PKG_VERSION");
     println!(
         "# steady states of the robot {name} by sim {version}, closure full, the mean of {phases} starting phases where"

@@ -8,6 +8,7 @@
 //!
 //! Of values of a settled run, 95 of 100 are within their ± (twice the standard error) and that of the long mean.
 
+use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::split_mix;
@@ -15,8 +16,6 @@ use sim::steady::{self, Problem};
 use sim::trial::means::{FREE, Steady, TOUCHING};
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Duration of a trial, s.
 const TRIAL_S: f64 = 120.0;
@@ -99,15 +98,8 @@ fn row(robot: &Robot, rpm: [f64; 2], share: f64) -> Row {
         [mean, (variance / BLOCKS as f64).sqrt()]
     });
     let stated = stated.expect("the end of the trial");
-    let problem = Problem {
-        robot,
-        closure: Closure::Full,
-        rpm,
-        start_rad: [0.0; 2],
-        longest_s: TRIAL_S,
-        output: None,
-        at_rest: None,
-    };
+    let (closure, start_rad) = (Closure::Full, [0.0; 2]);
+    let problem = Problem { robot, closure, rpm, start_rad, longest_s: TRIAL_S, output: None, at_rest: None };
     let solved = steady::solve(&problem, &|_| true).expect("a steady state");
     let both = [("trial", stated), (solved.kind.name(), solved.summary)];
     let stated =
@@ -147,28 +139,15 @@ fn main() {
     } else {
         named
     };
-    let next = AtomicUsize::new(0);
-    let rows = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(rpm) = points.get(index) else { return };
-                    let row = row(&robot, *rpm, share);
-                    rows.lock().expect("no panic").push((index, row));
-                }
-            });
-        }
-    });
-    let mut rows = rows.into_inner().expect("no panic");
-    rows.sort_by_key(|(index, _)| *index);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let rows: Vec<Row> =
+        pool.install(|| points.par_iter().with_max_len(1).map(|rpm| row(&robot, *rpm, share)).collect());
     println!(
         "| w1, w2 rpm | by | touch | settled | yaw, pitch, roll: stated ± (off), deg | thrusts: stated ± (off), mN | off over ± |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     let mut totals = [Total::default(); 2];
-    for (_, row) in &rows {
+    for row in &rows {
         for (stated, total) in row.stated.iter().zip(&mut totals) {
             print(row, stated, total);
         }

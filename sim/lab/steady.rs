@@ -5,6 +5,7 @@
 //! square of -90..90 rpm, and `generic` 100 random speeds with decimals at which the flagella do not touch in the trial. Times
 //! are those of the processor, of both in one run, so that other load does not count.
 
+use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
@@ -13,8 +14,6 @@ use sim::steady::{self, Kind, Periodic, Problem};
 use sim::trial::profile::SpeedProfile;
 use sim::trial::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Duration of a trial, s.
 const TRIAL_S: f64 = 120.0;
@@ -46,15 +45,8 @@ fn processor_s() -> f64 {
 
 fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
     let start = processor_s();
-    let problem = Problem {
-        robot,
-        closure: Closure::Full,
-        rpm,
-        start_rad: [0.0; 2],
-        longest_s: TRIAL_S,
-        output: None,
-        at_rest: None,
-    };
+    let (closure, start_rad) = (Closure::Full, [0.0; 2]);
+    let problem = Problem { robot, closure, rpm, start_rad, longest_s: TRIAL_S, output: None, at_rest: None };
     let solved = steady::solve(&problem, &|_| true).expect("a steady state");
     let middle = processor_s();
     let profile = SpeedProfile::constant(rpm, TRIAL_S).expect("a profile");
@@ -73,23 +65,16 @@ fn main() {
         Some("generic") => generic(&robot),
         Some(_) => arguments.iter().skip(2).map(|text| point(text)).collect(),
     };
-    let next = AtomicUsize::new(0);
-    let rows = Mutex::new(Vec::new());
     println!(
         "w1_rpm,w2_rpm,kind,simulated_s,period_s,yaw_deg,pitch_deg,roll_deg,contact_share,trial_settled,trial_settle_s,trial_contact_share,yaw_difference_deg,tilt_difference_deg,solve_s,trial_s"
     );
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(rpm) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let row = row(&robot, *rpm);
-                    print(&row);
-                    rows.lock().expect("no panic").push(row);
-                }
-            });
-        }
-    });
-    let rows = rows.into_inner().expect("no panic");
+    let one = |rpm: &[f64; 2]| {
+        let row = row(&robot, *rpm);
+        print(&row);
+        row
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let rows: Vec<Row> = pool.install(|| points.par_iter().with_max_len(1).map(one).collect());
     summarise(&rows);
 }
 

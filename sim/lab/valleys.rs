@@ -3,16 +3,15 @@
 //! `cargo run --release -p sim --example valleys > sim/docs/valleys.svg`: the map of 190 points as colours and the floors
 //! of both valleys, found by search between the grid's points; the same as a table on stderr.
 
+use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::fmt::Write;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// Result of a trial of 120 s.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Point {
     yaw_deg: f64,
     pitch_deg: f64,
@@ -33,23 +32,6 @@ fn run([w1, w2]: [f64; 2]) -> Point {
         thrust_mn: [0, 1].map(|k| steady.force[k][2].mean * 1e3),
         reaction_nm: steady.axial_torque[0].mean + steady.axial_torque[1].mean,
     }
-}
-
-/// `work` for every item on both cores, in the items' order.
-fn on_all_cores<T: Copy + Sync, R: Send + Copy + Default>(items: &[T], work: impl Fn(T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let results = Mutex::new(vec![R::default(); items.len()]);
-    let run = || {
-        loop {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(i) else { break };
-            let result = work(*item);
-            results.lock().unwrap_or_else(PoisonError::into_inner)[i] = result;
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(run))));
-    results.into_inner().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The speed of motor 2 between `low` and `high` at which `value` changes its sign (secant held within the bracket), rpm;
@@ -75,16 +57,17 @@ fn zero(low: f64, high: f64, value: impl Fn(f64) -> f64) -> f64 {
 fn main() {
     let grid: Vec<[f64; 2]> =
         (-9..=9).flat_map(|i| (0..=9).map(move |j| [10.0 * f64::from(i), 10.0 * f64::from(j)])).collect();
-    let points = on_all_cores(&grid, run);
+    let points = grid.par_iter().map(|rpm| run(*rpm)).collect::<Vec<_>>();
 
     let speeds: Vec<f64> = (1..=9).map(|i| 10.0 * f64::from(i)).collect();
-    let yaw = on_all_cores(&speeds, |w| zero(0.5 * w, 1.5 * w, |w2| run([-w, w2]).yaw_deg));
+    let yaw: Vec<f64> = speeds.par_iter().map(|w| zero(0.5 * w, 1.5 * w, |w2| run([-w, w2]).yaw_deg)).collect();
     // Nearly equal speeds beat for longer than the means are taken over: the floor is where the line between the points
     // at w - 10 and w + 10 crosses zero.
-    let pitch = on_all_cores(&speeds, |w| {
-        let [a, b] = [w - 10.0, w + 10.0].map(|w2| run([w, w2]).pitch_deg);
+    let at_pitch = |w: &f64| {
+        let [a, b] = [w - 10.0, w + 10.0].map(|w2| run([*w, w2]).pitch_deg);
         w - 10.0 + 20.0 * a / (a - b)
-    });
+    };
+    let pitch: Vec<f64> = speeds.par_iter().map(at_pitch).collect();
     eprintln!(
         "| w1 rpm | least abs(yaw) at w2 rpm | off w2 = -w1 by | at (w1, -w1): yaw deg | thrusts mN | reaction torques on the base mN m |"
     );
