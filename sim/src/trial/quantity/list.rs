@@ -7,6 +7,18 @@ use crate::trial::means::Level;
 use OverPhases::{Largest, Least, Mean, Sum};
 use Place::{Sweep, Trials};
 
+/// A pure number of the robot in every place. A row states what differs.
+const NUMBER: Quantity = Quantity {
+    stem: "",
+    unit: "1",
+    about: "",
+    shape: Shape::Number,
+    over_phases: Mean,
+    not_in: &[],
+    level: None,
+    sample: None,
+};
+
 /// Yaw.
 pub const YAW: Quantity = Quantity {
     not_in: &[Trials],
@@ -28,173 +40,140 @@ pub const ROLL: Quantity = Quantity {
 /// Tilt.
 pub const TILT: Quantity = Quantity {
     stem: "tilt",
-    suffix: "_deg",
     unit: "deg",
     about: "angle of the robot's axis to the vertical, from the steady pitch and roll of each phase",
-    shape: Shape::Number,
-    over_phases: Mean,
     not_in: &[Trials],
     level: Some(|s, _| exact(tilt_deg(degrees(s.steady.attitude[1]).mean, degrees(s.steady.attitude[2]).mean))),
-    sample: None,
+    ..NUMBER
 };
 
 /// Settling time.
 pub const SETTLE: Quantity = Quantity {
     stem: "settle",
-    suffix: "_s",
     unit: "s",
     about: "time from the start of the run after which yaw and pitch stay near their means; 0 if the steady state was solved for",
-    shape: Shape::Number,
     over_phases: Largest,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.steady.settle_s)),
-    sample: None,
+    ..NUMBER
 };
 
 /// Length of the averaging window.
 pub const WINDOW: Quantity = Quantity {
     stem: "window",
-    suffix: "_s",
     unit: "s",
     about: "length of the end of the run from which the means are taken",
-    shape: Shape::Number,
-    over_phases: Mean,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.steady.window_s)),
-    sample: None,
+    ..NUMBER
 };
 
 /// Force of each flagellum on the base.
 pub const FORCE: Quantity = Quantity {
     stem: "force",
-    suffix: "_n",
     unit: "N",
     about: "force of flagellum # on the base@, body axes, contact included",
     shape: Shape::VectorOfEach,
-    over_phases: Mean,
     not_in: &[Trials],
     level: Some(|s, part| s.steady.force[part / 3][part % 3]),
     sample: Some(|s, part| s.force_n[part / 3][part % 3]),
+    ..NUMBER
 };
 
 /// The part of the force of each flagellum that is due to contact.
 pub const CONTACT: Quantity = Quantity {
     stem: "contact",
-    suffix: "_n",
     unit: "N",
     about: "part of the force of flagellum #@ due to contact",
     shape: Shape::VectorOfEach,
-    over_phases: Mean,
-    not_in: &[],
-    level: None,
     sample: Some(|s, part| s.contact_force_n[part / 3][part % 3]),
+    ..NUMBER
 };
 
 /// Thrust of all flagella.
 pub const THRUST: Quantity = Quantity {
     stem: "thrust",
-    suffix: "_n",
     unit: "N",
     about: "thrust of all flagella: their force on the base along z_B",
-    shape: Shape::Number,
-    over_phases: Mean,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.steady.force.iter().map(|force| force[2].mean).sum())),
-    sample: None,
+    ..NUMBER
 };
 
 /// Reaction torque of each flagellum.
 pub const AXIAL_TORQUE: Quantity = Quantity {
     stem: "axial_torque",
-    suffix: "_nm",
     unit: "N m",
     about: "reaction torque of flagellum # on the base about its shaft",
     shape: Shape::OfEach,
-    over_phases: Mean,
     not_in: &[Trials],
     level: Some(|s, part| s.steady.axial_torque[part]),
     sample: Some(|s, part| s.axial_torque_nm[part]),
+    ..NUMBER
 };
 
 /// Share of contact.
 pub const CONTACT_SHARE: Quantity = Quantity {
     stem: "contact_share",
-    suffix: "",
-    unit: "1",
     about: "share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial",
-    shape: Shape::Number,
-    over_phases: Mean,
     not_in: &[Trials],
     level: Some(|s, _| exact(s.contact_share)),
-    sample: None,
+    ..NUMBER
 };
 
 /// Least gap.
 pub const MIN_GAP: Quantity = Quantity {
     stem: "min_gap",
-    suffix: "_m",
     unit: "m",
     about: "least gap between the flagella's surfaces in the run, or since the sample before, negative if they overlap",
-    shape: Shape::Number,
     over_phases: Least,
     not_in: &[Trials],
     level: Some(|s, _| exact(s.min_gap_m)),
     sample: Some(|s, _| s.min_gap_m),
+    ..NUMBER
 };
 
 /// Power.
 pub const POWER: Quantity = Quantity {
     stem: "power",
-    suffix: "_w",
     unit: "W",
     about: "power at the shafts into the liquid, from the mean torques and the target speeds",
-    shape: Shape::Number,
-    over_phases: Mean,
-    not_in: &[],
     level: Some(|s, _| {
         let power = s.steady.axial_torque.iter().zip(s.steady.speeds_rad_s).map(|(torque, speed)| torque.mean * -speed);
         exact(power.sum())
     }),
-    sample: None,
+    ..NUMBER
 };
 
 /// Simulated time.
 pub const SIMULATED: Quantity = Quantity {
     stem: "simulated",
-    suffix: "_s",
     unit: "s",
     about: "simulated time, the search for the steady state included",
-    shape: Shape::Number,
     over_phases: Sum,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.simulated_s)),
-    sample: None,
+    ..NUMBER
 };
 
 /// Largest overlap.
 pub const MAX_PENETRATION: Quantity = Quantity {
     stem: "max_penetration",
-    suffix: "_m",
     unit: "m",
     about: "largest overlap of the flagella's surfaces in the run, or since the sample before",
-    shape: Shape::Number,
     over_phases: Largest,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.max_penetration_m)),
     sample: Some(|s, _| s.max_penetration_m),
+    ..NUMBER
 };
 
 /// Winding of the flagella.
 pub const WINDING: Quantity = Quantity {
     stem: "winding_turns",
-    suffix: "",
-    unit: "1",
     about: "number of turns by which the flagella are wound around each other",
-    shape: Shape::Number,
-    over_phases: Mean,
-    not_in: &[],
-    level: None,
     sample: Some(|s, _| s.winding_turns),
+    ..NUMBER
 };
 
 /// All quantities, in the order of columns.
@@ -217,29 +196,17 @@ pub const QUANTITIES: [Quantity; 17] = [
     SIMULATED,
     Quantity {
         stem: "sweeps",
-        suffix: "",
-        unit: "1",
         about: "sweeps of the solver",
         shape: Shape::Count,
         over_phases: Sum,
         not_in: &[Sweep, Trials],
         level: Some(|s, _| exact(s.sweeps as f64)),
-        sample: None,
+        ..NUMBER
     },
 ];
 
 const fn angle(stem: &'static str, about: &'static str, level: fn(&Summary, usize) -> Level) -> Quantity {
-    Quantity {
-        stem,
-        suffix: "_deg",
-        unit: "deg",
-        about,
-        shape: Shape::Mean,
-        over_phases: Mean,
-        not_in: &[],
-        level: Some(level),
-        sample: None,
-    }
+    Quantity { stem, unit: "deg", about, shape: Shape::Mean, level: Some(level), ..NUMBER }
 }
 
 fn degrees(level: Level) -> Level {

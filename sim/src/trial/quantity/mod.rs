@@ -28,8 +28,6 @@ pub const FLAGELLA: usize = 2;
 pub struct Quantity {
     /// Its name without the unit.
     stem: &'static str,
-    /// The unit in its name; empty for a pure number.
-    suffix: &'static str,
     /// Its unit.
     pub unit: &'static str,
     /// What it is; `#` is the number of the flagellum, `@` its axis.
@@ -144,9 +142,14 @@ impl Shape {
 }
 
 impl Quantity {
+    /// Returns the unit as it stands at the end of the name; empty for a pure number.
+    fn suffix(&self) -> String {
+        if self.unit == "1" { String::new() } else { format!("_{}", self.unit.replace(' ', "").to_lowercase()) }
+    }
+
     /// Returns the name of a part, with `of` before the unit.
     fn name(&self, part: usize, of: &str) -> String {
-        let Self { stem, suffix, .. } = self;
+        let (stem, suffix) = (self.stem, self.suffix());
         match self.shape {
             Shape::Number | Shape::Count | Shape::Mean => format!("{stem}{of}{suffix}"),
             Shape::OfEach => format!("{stem}{}{of}{suffix}", part + 1),
@@ -161,7 +164,7 @@ impl Quantity {
 
     /// Returns its keys in a record, with `of` before the unit, and the parts that each has.
     pub fn keys(&self, of: &str) -> Vec<(String, Range<usize>)> {
-        let Self { stem, suffix, .. } = self;
+        let (stem, suffix) = (self.stem, self.suffix());
         match self.shape {
             Shape::VectorOfEach => {
                 (0..FLAGELLA).map(|k| (format!("{stem}{}{of}{suffix}", k + 1), 3 * k..3 * k + 3)).collect()
