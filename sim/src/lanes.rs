@@ -137,55 +137,40 @@ impl<S: Simd> Wide<S> {
 
 /// The leading bits of 2 pi: products with small whole numbers are exact.
 const TAU_HIGH: f64 = 6.283_185_243_606_567;
-const SINE: [f64; 8] = [
-    1.0,
-    -1.0 / 6.0,
-    1.0 / 120.0,
-    -1.0 / 5_040.0,
-    1.0 / 362_880.0,
-    -1.0 / 39_916_800.0,
-    1.0 / 6_227_020_800.0,
-    -1.0 / 1_307_674_368_000.0,
-];
-const COSINE: [f64; 9] = [
-    1.0,
-    -1.0 / 2.0,
-    1.0 / 24.0,
-    -1.0 / 720.0,
-    1.0 / 40_320.0,
-    -1.0 / 3_628_800.0,
-    1.0 / 479_001_600.0,
-    -1.0 / 87_178_291_200.0,
-    1.0 / 20_922_789_888_000.0,
-];
+const SINE: [f64; 8] = alternating(1);
+const COSINE: [f64; 9] = alternating(0);
 const ARC_TANGENT: [f64; 10] =
     [1.0, -1.0 / 3.0, 1.0 / 5.0, -1.0 / 7.0, 1.0 / 9.0, -1.0 / 11.0, 1.0 / 13.0, -1.0 / 15.0, 1.0 / 17.0, -1.0 / 19.0];
 
-impl<S: Simd> Add for Wide<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { value: self.simd.add_f64s(self.value, other.value), ..self }
+/// Returns 1/n! with alternating signs, for each second n from `first`.
+const fn alternating<const N: usize>(first: u64) -> [f64; N] {
+    let (mut terms, mut k, mut factorial, mut sign) = ([0.0; N], 0, 1, 1.0);
+    while k < N {
+        let n = first + 2 * k as u64;
+        factorial *= if n > 1 { n * (n - 1) } else { 1 };
+        terms[k] = sign / factorial as f64;
+        (k, sign) = (k + 1, -sign);
     }
+    terms
 }
 
-impl<S: Simd> Sub for Wide<S> {
-    type Output = Self;
+macro_rules! operators {
+    ($($operator:ident, $name:ident, $of_simd:ident;)*) => {
+        $(impl<S: Simd> $operator for Wide<S> {
+            type Output = Self;
 
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { value: self.simd.sub_f64s(self.value, other.value), ..self }
-    }
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                Self { value: self.simd.$of_simd(self.value, other.value), ..self }
+            }
+        })*
+    };
 }
 
-impl<S: Simd> Mul for Wide<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self { value: self.simd.mul_f64s(self.value, other.value), ..self }
-    }
+operators! {
+    Add, add, add_f64s;
+    Sub, sub, sub_f64s;
+    Mul, mul, mul_f64s;
 }
 
 impl<S: Simd> Neg for Wide<S> {

@@ -80,7 +80,7 @@ pub struct Found {
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
 pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
-    let Problem { robot, rpm, start_rad, longest_s, output, .. } = *problem;
+    let Problem { robot, rpm, longest_s, output, .. } = *problem;
     let speeds = rpm.map(|rpm| rpm * PI / 30.0);
     let Some(period) = period::common(speeds) else {
         // What is impossible is an error here, too.
@@ -90,20 +90,13 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
     };
     let intervals = (period / SAMPLE_S).round() as usize;
     let interval = period / intervals as f64;
-    let profile = |time: f64| -> Result<SpeedProfile, ProfileError> {
-        let angles = [0, 1].map(|k| start_rad[k] + speeds[k] * time);
-        Ok(SpeedProfile::from_points(&[(time, rpm), (time + period, rpm)])?.from_angles(angles))
-    };
-    let mut trial = Trial::with_solver(problem.solver()?, profile(0.0)?, output.unwrap_or_default())?;
-    let ordinary = with_even_steps(&robot.solver, speeds, interval);
-    let coarse = with_coarse_steps(&ordinary);
-    let fine = SolverSettings { tolerance: ordinary.tolerance * FINE_TOLERANCE, ..ordinary.clone() };
+    let mut trial = Trial::with_solver(problem.solver()?, profile(problem, period, 0.0)?, output.unwrap_or_default())?;
+    let [coarse, ordinary, fine] = accuracies(&robot.solver, speeds, interval);
     let mut modes = Modes::new(interval, period);
     let mut paths: Vec<Vec<Slow>> = Vec::new();
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
     let (mut is_coarse, mut may_be_coarse, mut is_fine) = (true, true, false);
-    let mut last: Option<Steady> = None;
-    let (mut unmoved, mut has_touched): (Option<State>, bool) = (None, false);
+    let (mut last, mut unmoved, mut has_touched): (Option<Steady>, Option<State>, bool) = (None, None, false);
     loop {
         trial.set_accuracy(match (is_coarse, is_fine) {
             (true, _) => &coarse,
@@ -149,13 +142,10 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             }
             let is_close = distance < CLOSE;
             is_fine |= is_close;
-            // Where no step is to be trusted, a period passes without one: the motion decays by itself, or leaves what is not
-            // stable.
             let longest = LONGEST.min((end - from).amax() / (1.0 - exp(-period / SLOWEST_S)));
             let difference = attitude(&(newton - step)) / distance;
-            let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
-            if is_stable && (is_plausible || is_coarse && is_close) {
-                let share = if difference <= DIFFERENCE { 1.0 } else { 0.5 };
+            let share = trusted(distance, longest, difference, is_coarse && is_close).filter(|_| is_stable);
+            if let Some(share) = share {
                 unmoved.get_or_insert_with(|| state.clone());
                 state = moved(&mut trial, &((from + step - end) * share));
             }
@@ -166,8 +156,28 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             }
         }
         is_coarse = next_is_coarse;
-        trial = trial.followed_by(profile(simulated_s)?, state);
+        trial = trial.followed_by(profile(problem, period, simulated_s)?, state);
     }
+}
+
+/// Returns constant speeds over the period that begins at `time`.
+fn profile(problem: &Problem, period: f64, time: f64) -> Result<SpeedProfile, ProfileError> {
+    let angles = [0, 1].map(|k| problem.start_rad[k] + problem.rpm[k] * PI / 30.0 * time);
+    Ok(SpeedProfile::from_points(&[(time, problem.rpm), (time + period, problem.rpm)])?.from_angles(angles))
+}
+
+/// Returns the share of a step that is to be trusted. Where none is, a period passes without a step: the motion decays by
+/// itself, or leaves what is not stable. `is_sure`: coarse periods that are close need no more.
+fn trusted(distance: f64, longest: f64, difference: f64, is_sure: bool) -> Option<f64> {
+    let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
+    (is_plausible || is_sure).then_some(if difference <= DIFFERENCE { 1.0 } else { 0.5 })
+}
+
+/// Returns the settings of coarse periods, of ordinary ones, and of those that may be the result.
+fn accuracies(solver: &SolverSettings, speeds: [f64; 2], interval: f64) -> [SolverSettings; 3] {
+    let ordinary = with_even_steps(solver, speeds, interval);
+    let fine = SolverSettings { tolerance: ordinary.tolerance * FINE_TOLERANCE, ..ordinary.clone() };
+    [with_coarse_steps(&ordinary), ordinary, fine]
 }
 
 /// Runs a trial to its end and returns its slow coordinates at the start and at the ends of `count` intervals (s); `None` if a

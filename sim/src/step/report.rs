@@ -4,19 +4,13 @@ use crate::body::load::Load;
 
 /// Why a step failed; a shorter one may succeed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum StepFailure {
     /// The iteration stopped getting better.
     #[error(
         "the iteration stalled at a velocity residual of {residual:.1e} m/s (wanted {wanted:.1e}), gap error {gap:.1e} m"
     )]
-    Stalled {
-        /// Velocity residual, m/s.
-        residual: f64,
-        /// Its bound, m/s.
-        wanted: f64,
-        /// Error of the contact law, m.
-        gap: f64,
-    },
+    Stalled { residual: f64, wanted: f64, gap: f64 },
     /// A number overflowed.
     #[error("the iteration diverged")]
     Diverged,
@@ -25,12 +19,7 @@ pub enum StepFailure {
     PassedThrough,
     /// The time formula's error is too large.
     #[error("the motion is not resolved: error estimate {error:.1e} m (allowed {allowed:.1e})")]
-    Unresolved {
-        /// Estimated error of the step, m.
-        error: f64,
-        /// Its bound, m.
-        allowed: f64,
-    },
+    Unresolved { error: f64, allowed: f64 },
     /// The robot touches the tank, or is beyond its walls.
     #[error("the robot touches a wall or the surface of the tank")]
     TouchesTank,

@@ -9,48 +9,26 @@ use std::f64::consts::PI;
 
 /// Why points are not a profile.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ProfileError {
     /// Fewer than two points, or no time between the first and the last.
     #[error("a profile needs a duration above zero")]
     Empty,
     /// A time or speed is not a number.
     #[error("point {index} is not finite")]
-    NotFinite {
-        /// Index of the point.
-        index: usize,
-    },
+    NotFinite { index: usize },
     /// The time of a point is before that of the previous point.
     #[error("point {index} lies before the one before it")]
-    Unordered {
-        /// Index of the point.
-        index: usize,
-    },
+    Unordered { index: usize },
     /// A reversal of a motor that does not exist, or outside of the run.
     #[error("motor {motor} cannot reverse {after} s after the start of the run")]
-    Reverse {
-        /// Index of the motor.
-        motor: usize,
-        /// When, s.
-        after: f64,
-    },
+    Reverse { motor: usize, after: f64 },
     /// The run phase is not within the profile, or its duration is not positive.
     #[error("the run from {start} s to {end} s has no length, or is not within the profile")]
-    RunOutside {
-        /// Start of the run, s.
-        start: f64,
-        /// Its end, s.
-        end: f64,
-    },
+    RunOutside { start: f64, end: f64 },
     /// A speed is too large for slow motion in a viscous fluid.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
-    TooFast {
-        /// Index of the point.
-        index: usize,
-        /// The speed, rpm.
-        rpm: f64,
-        /// The limit, rpm.
-        limit: f64,
-    },
+    TooFast { index: usize, rpm: f64, limit: f64 },
 }
 
 /// Largest speed of a profile, rpm.
