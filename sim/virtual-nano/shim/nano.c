@@ -340,12 +340,6 @@ uint64_t nano_cycle(const nano_t *nano) { return now(nano); }
 
 uint8_t nano_peek(const nano_t *nano, uint16_t address) { return address <= RAMEND ? nano->avr->data[address] : 0; }
 
-void nano_poke(nano_t *nano, uint16_t address, uint8_t value)
-{
-	if (address <= RAMEND)
-		nano->avr->data[address] = value;
-}
-
 uint16_t nano_deepest_stack(const nano_t *nano, uint16_t bottom)
 {
 	uint16_t address = bottom < SRAM_START ? SRAM_START : bottom;

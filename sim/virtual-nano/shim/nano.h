@@ -81,7 +81,6 @@ uint32_t nano_serial_byte_cycles(const nano_t *nano);
 // Bytes that the program was too slow to read.
 uint64_t nano_serial_overruns(const nano_t *nano);
 uint8_t nano_peek(const nano_t *nano, uint16_t address);
-void nano_poke(nano_t *nano, uint16_t address, uint8_t value);
 // Bytes of stack used at most since `nano_new`, where static data end before `bottom`.
 uint16_t nano_deepest_stack(const nano_t *nano, uint16_t bottom);
 uint32_t nano_pc(const nano_t *nano);

@@ -37,19 +37,11 @@ pub struct BoardOptions {
     pub motors: MotorParameters,
     /// Seed of everything random on the line.
     pub seed: u64,
-    /// Whether to keep every change of the bridge, for [`Board::take_drive_log`].
-    pub log_drive: bool,
 }
 
 impl Default for BoardOptions {
     fn default() -> Self {
-        Self {
-            source: Source::still(1),
-            imu_id: imu::GENUINE_ID,
-            motors: MotorParameters::default(),
-            seed: 1,
-            log_drive: false,
-        }
+        Self { source: Source::still(1), imu_id: imu::GENUINE_ID, motors: MotorParameters::default(), seed: 1 }
     }
 }
 
@@ -58,7 +50,7 @@ pub struct Board {
     mcu: Mcu<Rig>,
     start: u32,
     /// `None` behind a bootloader, which may put any program there.
-    static_bytes: Option<u16>,
+    pub static_bytes: Option<u16>,
     state: RunState,
     vcc_mv: u32,
     bandgap_mv: u32,
@@ -98,7 +90,6 @@ impl Board {
         let rig = Rig {
             imu: Mpu6050::new(options.imu_id, options.source),
             bridge: Bridge::default(),
-            drive_log: options.log_drive.then(Vec::new),
             motors: [motor.clone(), motor],
             motors_swapped: false,
             motors_at_s: 0.0,
@@ -116,7 +107,7 @@ impl Board {
             assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
         }
         mcu.reset(start, ResetCause::PowerOn);
-        let clock_error = mcu.devices().imu.source().part().errors().board_clock_error;
+        let clock_error = mcu.devices().imu.source.part.errors.board_clock_error;
         mcu.devices_mut().resonator.set_error(0, clock_error);
         let state = RunState::Running;
         Ok(Self {
@@ -139,7 +130,7 @@ impl Board {
     /// Runs until `cycle`. After a crash, the program and the board's time stand still until a reset.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         while self.state == RunState::Running && self.cycle() < cycle {
-            let due = self.faults.iter().map(|(at_s, _)| self.resonator().cycle(*at_s)).min().unwrap_or(u64::MAX);
+            let due = self.faults.iter().map(|(at_s, _)| self.rig().resonator.cycle(*at_s)).min().unwrap_or(u64::MAX);
             self.state = self.mcu.run_until(cycle.min(due.max(self.cycle() + 1)));
             let now_s = self.seconds();
             for (_, fault) in self.faults.extract_if(.., |(at_s, _)| *at_s <= now_s).collect::<Vec<_>>() {
@@ -179,45 +170,40 @@ impl Board {
     /// Returns the time since power came up, s. It differs from the nominal time of the cycles if the resonator has an
     /// error.
     pub fn seconds(&self) -> f64 {
-        self.resonator().seconds(self.cycle())
+        self.rig().resonator.seconds(self.cycle())
     }
 
-    /// Returns the chip's resonator.
-    pub fn resonator(&self) -> &Resonator {
-        &self.mcu.devices().resonator
+    /// Returns everything outside of the chip.
+    pub fn rig(&self) -> &Rig {
+        self.mcu.devices()
+    }
+
+    /// Returns everything outside of the chip, to change it. The sensor is changed by [`Self::change_imu`].
+    pub fn rig_mut(&mut self) -> &mut Rig {
+        self.mcu.devices_mut()
     }
 
     /// Makes the resonator too fast by a fraction.
     pub fn set_resonator_error(&mut self, fraction: f64) {
         let cycle = self.cycle();
-        self.mcu.devices_mut().resonator.set_error(cycle, fraction);
+        self.rig_mut().resonator.set_error(cycle, fraction);
     }
 
     /// Sends bytes from the host.
     pub fn send(&mut self, bytes: &[u8]) {
-        self.mcu.devices_mut().serial.send(bytes);
+        self.rig_mut().serial.send(bytes);
         self.mcu.serial_wake();
     }
 
     /// Takes the bytes that the board has sent since the last call.
     pub fn take_serial(&mut self) -> Vec<u8> {
         let now_s = self.seconds();
-        self.mcu.devices_mut().serial.take(now_s)
-    }
-
-    /// Returns the line to the host.
-    pub fn serial(&self) -> &Serial {
-        &self.mcu.devices().serial
-    }
-
-    /// Returns the line to the host, to disturb it.
-    pub fn serial_mut(&mut self) -> &mut Serial {
-        &mut self.mcu.devices_mut().serial
+        self.rig_mut().serial.take(now_s)
     }
 
     /// Returns the speed of the board's end of the line, bit/s.
     pub fn baud(&self) -> f64 {
-        10.0 * self.resonator().hz() / f64::from(self.mcu.serial_byte_cycles())
+        10.0 * self.rig().resonator.hz() / f64::from(self.mcu.serial_byte_cycles())
     }
 
     /// Returns the number of bytes from the host that the program read too late.
@@ -225,65 +211,35 @@ impl Board {
         self.mcu.serial_overruns()
     }
 
-    /// Returns the sensor.
-    pub fn imu(&self) -> &Mpu6050 {
-        &self.mcu.devices().imu
-    }
-
     /// Changes the sensor or its input.
     pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
-        let result = change(&mut self.mcu.devices_mut().imu);
+        let result = change(&mut self.rig_mut().imu);
         // The sensor may have released SDA, or pulled it.
         self.mcu.bus_changed();
         result
     }
 
-    /// Returns the present state of the bridge.
-    pub fn bridge(&self) -> Bridge {
-        self.mcu.devices().bridge
-    }
-
-    /// Takes the changes of the bridge since the last call, with their cycles, if [`BoardOptions::log_drive`] is set.
-    pub fn take_drive_log(&mut self) -> Vec<(u64, Bridge)> {
-        self.mcu.devices_mut().drive_log.as_mut().map(std::mem::take).unwrap_or_default()
-    }
-
-    /// Returns motors 1 and 2.
-    pub fn motors(&self) -> &[Motor; 2] {
-        &self.mcu.devices().motors
-    }
-
-    /// Returns motors 1 and 2, to change them.
-    pub fn motors_mut(&mut self) -> &mut [Motor; 2] {
-        &mut self.mcu.devices_mut().motors
-    }
-
     /// Blocks a flagellum (0 or 1), or releases it.
     pub fn block_motor(&mut self, motor: usize, blocked: bool) {
-        self.motors_mut()[motor].hold(if blocked { Rotor::Blocked } else { Rotor::Free });
+        self.rig_mut().motors[motor].hold(if blocked { Rotor::Blocked } else { Rotor::Free });
     }
 
     /// Connects each of the bridge's outputs to the other's motor, or to its own.
     pub fn swap_motors(&mut self, swapped: bool) {
-        let rig = self.mcu.devices_mut();
+        let rig = self.rig_mut();
         rig.motors_swapped = swapped;
         rig.drive_motors();
-    }
-
-    /// Returns the encoder of motor 0 or 1, to change it.
-    pub fn encoder_mut(&mut self, motor: usize) -> &mut Encoder {
-        &mut self.mcu.devices_mut().encoders[motor]
     }
 
     /// Disturbs a line (channel 0 or 1) of the encoder of motor 0 or 1 from now on.
     pub fn disturb_encoder(&mut self, motor: usize, channel: usize, disturbance: Disturbance) {
         let now_s = self.seconds();
-        self.encoder_mut(motor).disturb(channel, disturbance, now_s);
+        self.rig_mut().encoders[motor].disturb(channel, disturbance, now_s);
     }
 
     /// Lays leads of motors and encoders into one cable, or keeps them apart.
     pub fn lay_cable(&mut self, cable: Option<Cable>) {
-        self.mcu.devices_mut().coupling.lay(cable);
+        self.rig_mut().coupling.cable = cable;
     }
 
     /// Sends the program into an endless loop, with interrupts on or off.
@@ -293,7 +249,7 @@ impl Board {
 
     /// Keeps the program busy for a time, with interrupts on.
     pub fn keep_busy_ms(&mut self, ms: f64) {
-        let cycle = self.cycle() + (ms * 1e-3 * self.resonator().hz()).round() as u64;
+        let cycle = self.cycle() + (ms * 1e-3 * self.rig().resonator.hz()).round() as u64;
         self.mcu.busy(cycle);
     }
 
@@ -316,37 +272,17 @@ impl Board {
 
     /// Returns the simulated robot that the board is built into, if there is one.
     pub fn plant(&self) -> Option<&Plant> {
-        self.imu().source().plant_ref()
+        self.rig().imu.source.plant_ref()
     }
 
     /// Returns the simulated robot, to take its samples.
     pub fn plant_mut(&mut self) -> Option<&mut Plant> {
-        self.mcu.devices_mut().imu.source_mut().plant_mut()
-    }
-
-    /// Returns the program's own clock.
-    pub fn clock(&self) -> &ProgramClock {
-        &self.mcu.devices().clock
-    }
-
-    /// Returns the program's marks.
-    pub fn marks(&self) -> &Marks {
-        &self.mcu.devices().marks
-    }
-
-    /// Returns the program's marks, to reset them.
-    pub fn marks_mut(&mut self) -> &mut Marks {
-        &mut self.mcu.devices_mut().marks
+        self.rig_mut().imu.source.plant_mut()
     }
 
     /// Returns the EEPROM: 1 KB, 0xFF where blank.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         self.mcu.eeprom_mut()
-    }
-
-    /// Returns the bytes of SRAM that the image's static data take; not known behind a bootloader.
-    pub fn static_bytes(&self) -> Option<u16> {
-        self.static_bytes
     }
 
     /// Returns the largest number of bytes of stack used so far; not known behind a bootloader.
@@ -366,22 +302,29 @@ impl Board {
 }
 
 /// Everything outside of the chip.
-struct Rig {
-    imu: Mpu6050,
-    bridge: Bridge,
-    drive_log: Option<Vec<(u64, Bridge)>>,
-    motors: [Motor; 2],
+pub struct Rig {
+    /// The sensor.
+    pub imu: Mpu6050,
+    /// The present state of the bridge.
+    pub bridge: Bridge,
+    /// Motors 1 and 2.
+    pub motors: [Motor; 2],
     motors_swapped: bool,
     /// The time up to which the motors have turned, s.
     motors_at_s: f64,
-    encoders: [Encoder; 2],
+    /// Encoders 1 and 2.
+    pub encoders: [Encoder; 2],
     coupling: Coupling,
     /// Pull-ups on port D.
     pull_ups: u8,
-    resonator: Resonator,
-    serial: Serial,
-    marks: Marks,
-    clock: ProgramClock,
+    /// The chip's resonator.
+    pub resonator: Resonator,
+    /// The line to the host.
+    pub serial: Serial,
+    /// The program's marks.
+    pub marks: Marks,
+    /// The program's own clock.
+    pub clock: ProgramClock,
 }
 
 /// Pins of port D for C1 and C2 of both encoders.
@@ -398,7 +341,7 @@ impl Rig {
             motor.advance(now_s - self.motors_at_s);
         }
         self.motors_at_s = now_s;
-        if let Some(plant) = self.imu.source_mut().plant_mut() {
+        if let Some(plant) = self.imu.source.plant_mut() {
             plant.follow(now_s, &self.motors);
         }
         now_s
@@ -407,7 +350,7 @@ impl Rig {
     fn drive_motors(&mut self) {
         for (motor, drive) in self.bridge.drive.into_iter().enumerate() {
             let motor = if self.motors_swapped { 1 - motor } else { motor };
-            self.motors[motor].set_drive(drive);
+            self.motors[motor].drive = drive;
         }
     }
 }
@@ -454,9 +397,6 @@ impl Devices for Rig {
         self.drive_motors();
         let periods = bridge.pwm_hz.map(|hz| if hz > 0.0 { (FREQUENCY_HZ as f64 / hz) as u64 } else { 0 });
         self.coupling.drive(cycle, &bridge, [outputs.ocr0a, outputs.ocr2a], periods);
-        if let Some(log) = &mut self.drive_log {
-            log.push((cycle, bridge));
-        }
     }
 
     fn reset(&mut self, _cycle: u64) {
@@ -479,12 +419,12 @@ impl Devices for Rig {
             self.encoders.iter_mut().zip(&self.motors).zip(ENCODER_PINS).zip(struck)
         {
             let pull_ups = bits.map(|bit| self.pull_ups >> bit & 1 == 1);
-            let released = encoder.levels(motor.counts(), now_s, pull_ups);
+            let released = encoder.levels(motor.counts, now_s, pull_ups);
             for ((bit, level), struck) in bits.into_iter().zip(released).zip(struck) {
                 mask |= 1 << bit;
                 levels |= u8::from(level != struck) << bit;
             }
-            next_s = encoder.next_event_s(motor.counts(), motor.counts_per_second(), now_s, next_s);
+            next_s = encoder.next_event_s(motor.counts, motor.counts_per_second(), now_s, next_s);
         }
         pins.set('D', mask, levels);
         cycle + next_spike.min((next_s * self.resonator.hz()).ceil() as u64)

@@ -5,25 +5,23 @@ use crate::mcu::FLASH_BYTES;
 use std::path::{Path, PathBuf};
 
 /// A bootloader.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Bootloader {
     /// Since 2018: 115200 bit/s, 512 bytes at 0x7E00.
+    #[value(help = "115200 bit/s")]
     Optiboot,
     /// Before, and on many clones: ATmegaBOOT, 57600 bit/s, at 0x7800.
+    #[value(help = "57600 bit/s")]
     Old,
 }
 
 /// Why a bootloader is not available.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum BootloaderError {
     /// Not installed.
     #[error("no {name} in {folder}; install Debian's package arduino-core-avr")]
-    Missing {
-        /// The file.
-        name: &'static str,
-        /// The folder that should have it.
-        folder: PathBuf,
-    },
+    Missing { name: &'static str, folder: PathBuf },
     /// Damaged.
     #[error(transparent)]
     Image(#[from] ImageError),

@@ -154,7 +154,7 @@ pub fn error(line: &str, problem: &str) -> Value {
 pub fn by_hand(line: &str, board: &mut Board, command: Command) -> Value {
     let now_s = board.seconds();
     let moved: Option<Option<Span>> = board.change_imu(|imu| {
-        let hand = imu.source_mut().hand_mut()?;
+        let hand = imu.source.hand_mut()?;
         Some(match command {
             Command::Turn(axis, angle_deg, length_s) => Some(hand.turn(now_s, axis, angle_deg, length_s)),
             Command::Pose(pose, length_s) => Some(hand.pose(now_s, pose, length_s)),
@@ -184,7 +184,7 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
         return error(line, &format!("the simulated robot could not go on: {problem}"));
     }
-    let (clock, resonator) = (board.clock(), board.resonator());
+    let (clock, resonator) = (&board.rig().clock, &board.rig().resonator);
     let board_us = |time_s: f64| clock.at(resonator.cycle(time_s)).map(|time| time.0);
     let samples: Vec<Value> =
         samples.iter().map(|sample| json!({ "board_us": board_us(sample.time_s), "sample": sample })).collect();
@@ -193,17 +193,17 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
 
 /// Returns the errors of the board's sensor, and their kind.
 pub fn sensor(board: &Board, kind: &Sensor) -> Value {
-    let mut errors = sensor_file::to_json(board.imu().source().part().errors());
+    let mut errors = sensor_file::to_json(&board.rig().imu.source.part.errors);
     errors.insert("kind".to_owned(), json!(kind.to_string()));
     errors.into()
 }
 
 /// Returns the reply to `status`.
 pub fn status(board: &Board, port: &PortCount) -> Value {
-    let bridge = board.bridge();
-    let line = board.serial().count();
-    let bus = board.imu().count();
-    let tick = board.marks().tick();
+    let bridge = board.rig().bridge;
+    let line = board.rig().serial.count();
+    let bus = board.rig().imu.count();
+    let tick = board.rig().marks.tick;
     json!({
         "event": "status",
         "state": match board.state() {
@@ -212,7 +212,7 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         },
         "cycles": board.cycle(),
         "seconds": board.seconds(),
-        "moving": board.imu().source().is_moving(board.seconds()),
+        "moving": board.rig().imu.source.is_moving(board.seconds()),
         "pwm": bridge.pwm,
         "bridge": bridge.drive.map(|drive| match drive {
             Drive::Coast => "coast",
@@ -220,8 +220,8 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
             Drive::Voltage(fraction) if fraction < 0.0 => "backward",
             Drive::Voltage(_) => "forward",
         }),
-        "speed_rpm": board.motors().each_ref().map(Motor::speed_rpm),
-        "encoder_counts": board.motors().each_ref().map(Motor::encoder_counts),
+        "speed_rpm": board.rig().motors.each_ref().map(|motor| motor.speed_rpm),
+        "encoder_counts": board.rig().motors.each_ref().map(Motor::encoder_counts),
         "imu_transactions": bus.transactions,
         "imu_bursts": bus.bursts,
         "imu_faults": bus.faults,
@@ -237,7 +237,7 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         "mean_tick_cycles": tick.mean(),
         "worst_tick_cycles": tick.worst,
         "deepest_stack": board.deepest_stack(),
-        "static_bytes": board.static_bytes(),
+        "static_bytes": board.static_bytes,
     })
 }
 

@@ -48,16 +48,12 @@ impl Pwm {
 /// The spikes.
 #[derive(Clone, Debug, Default)]
 pub struct Coupling {
-    cable: Option<Cable>,
+    /// The cable; `None` keeps all lines apart.
+    pub cable: Option<Cable>,
     pwm: [Pwm; 2],
 }
 
 impl Coupling {
-    /// Lays the cable, or keeps all lines apart.
-    pub fn lay(&mut self, cable: Option<Cable>) {
-        self.cable = cable;
-    }
-
     /// Sets the drive of the bridge from now on: compare values of motors 1 and 2, and periods in cycles.
     pub fn drive(&mut self, cycle: u64, bridge: &Bridge, compare: [u8; 2], periods: [u64; 2]) {
         for (motor, pwm) in self.pwm.iter_mut().enumerate() {
@@ -95,7 +91,7 @@ mod tests {
     #[test]
     fn each_edge_of_the_pwm_strikes_the_lines_of_its_cable() {
         let mut coupling = Coupling::default();
-        coupling.lay(Some(Cable { width: 160, shared: false, channels: [true, false] }));
+        coupling.cable = Some(Cable { width: 160, shared: false, channels: [true, false] });
         let bridge = Bridge { drive: [Drive::Voltage(0.5), Drive::Coast], ..Bridge::default() };
         coupling.drive(0, &bridge, [99, 200], [16384; 2]);
         let (mut cycle, mut spikes, mut is_struck) = (16384, Vec::new(), false);
@@ -115,7 +111,7 @@ mod tests {
     #[test]
     fn a_compare_value_comes_into_force_where_the_counter_begins_anew() {
         let mut coupling = Coupling::default();
-        coupling.lay(Some(Cable { width: 32, shared: true, channels: [true; 2] }));
+        coupling.cable = Some(Cable { width: 32, shared: true, channels: [true; 2] });
         let bridge = Bridge { drive: [Drive::Voltage(0.5), Drive::Coast], ..Bridge::default() };
         coupling.drive(0, &bridge, [99, 0], [16384; 2]);
         let mut strikes = |cycle: u64| coupling.strike(cycle, [cycle % 16384; 2]).0 == [[true; 2]; 2];

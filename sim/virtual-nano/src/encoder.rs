@@ -17,6 +17,7 @@ const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
 
 /// A disturbance of a line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Disturbance {
     /// Nothing.
     #[default]
@@ -24,15 +25,9 @@ pub enum Disturbance {
     /// The wire is cut: the pull-up alone gives the level.
     Open,
     /// Spikes of 3 µs that invert the line, at random times.
-    Spikes {
-        /// Spikes a second.
-        rate_hz: f64,
-    },
+    Spikes { rate_hz: f64 },
     /// A square wave in place of the sensor's signal.
-    Tone {
-        /// Its frequency.
-        hz: f64,
-    },
+    Tone { hz: f64 },
 }
 
 /// A line.
@@ -48,9 +43,9 @@ struct Line {
 pub struct Encoder {
     lines: [Line; 2],
     /// C1 and C2 are connected to each other's pins.
-    swapped: bool,
+    pub swapped: bool,
     /// Fraction by which a north pole is longer than half a period.
-    uneven: f64,
+    pub uneven: f64,
     noise: Noise,
 }
 
@@ -64,16 +59,6 @@ impl Encoder {
     pub fn disturb(&mut self, channel: usize, disturbance: Disturbance, time_s: f64) {
         self.lines[channel] = Line { disturbance, spike_s: time_s - SPIKE_S };
         self.plan_spikes(time_s);
-    }
-
-    /// Connects each channel to the other's pin, or to its own.
-    pub fn swap(&mut self, swapped: bool) {
-        self.swapped = swapped;
-    }
-
-    /// Makes north poles longer than south poles by this fraction of a pole.
-    pub fn set_uneven(&mut self, uneven: f64) {
-        self.uneven = uneven;
     }
 
     /// Returns the levels at the pins of C1 and C2 at a time (s), with the shaft at `counts` and these pull-ups on.
@@ -185,14 +170,14 @@ mod tests {
         let mut levels = |counts: f64| encoder.levels(counts, 0.0, UP);
         assert_eq!([0.5, 1.5, 2.5, 3.5, 4.5].map(&mut levels).map(|[c1, _]| c1), [false, true, true, false, false]);
         assert_eq!([0.5, 1.5, 2.5, 3.5, 4.5].map(&mut levels).map(|[_, c2]| c2), [false, false, true, true, false]);
-        encoder.swap(true);
+        encoder.swapped = true;
         assert_eq!(encoder.levels(1.5, 0.0, UP), [false, true]);
     }
 
     #[test]
     fn uneven_poles_change_the_intervals_and_not_the_number() {
         let mut encoder = Encoder::new(1);
-        encoder.set_uneven(0.2);
+        encoder.uneven = 0.2;
         for channel in edges(&mut encoder, 1000.0) {
             assert_eq!(channel.len(), 500);
             let mut intervals: Vec<f64> = channel.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -51,50 +51,32 @@ pub enum Fault {
     Push { axis: Axis, degrees: f64 },
 }
 
-/// A name and its fault.
-struct Kind {
-    name: &'static str,
-    /// Names and defaults of its values.
-    values: &'static [(&'static str, f64)],
-    meaning: &'static str,
-    make: fn(&Values) -> Result<Fault, String>,
-}
+/// A name, the names and defaults of its values, what it means, and its fault.
+struct Kind(&'static str, &'static [(&'static str, f64)], &'static str, fn(&Values) -> Result<Fault, String>);
 
 const MOTOR: (&str, f64) = ("MOTOR", 1.0);
 const CHANNEL: (&str, f64) = ("CHANNEL", 1.0);
 
 /// All kinds of faults.
 const KINDS: &[Kind] = &[
-    Kind {
-        name: "encoder-swapped",
-        values: &[MOTOR],
-        meaning: "the encoder's C1 and C2 are swapped",
-        make: |v| Ok(Fault::EncoderSwapped { motor: v.motor(0)? }),
-    },
-    Kind {
-        name: "encoder-open",
-        values: &[MOTOR, ("CHANNEL", 2.0)],
-        meaning: "an encoder line is cut: its input reads the pull-up",
-        make: |v| v.disturbed(0, Disturbance::Open),
-    },
-    Kind {
-        name: "spikes",
-        values: &[("RATE", 100.0), MOTOR, CHANNEL],
-        meaning: "RATE spikes of 3 us per second on an encoder line",
-        make: |v| v.disturbed(1, Disturbance::Spikes { rate_hz: v.within(0, 0.1, 1e5)? }),
-    },
-    Kind {
-        name: "tone",
-        values: &[("HZ", 100e3), MOTOR, CHANNEL],
-        meaning: "a square wave in place of an encoder's signal",
-        make: |v| v.disturbed(1, Disturbance::Tone { hz: v.within(0, 0.1, 1e6)? }),
-    },
-    Kind {
-        name: "pwm-spikes",
-        values: &[("MICROSECONDS", 2.0), ("CABLES", 2.0), ("CHANNEL", 0.0)],
-        meaning: "each edge of a motor's PWM inverts the encoder lines in its cable for MICROSECONDS; CABLES 2: each motor \
+    Kind("encoder-swapped", &[MOTOR], "the encoder's C1 and C2 are swapped", |v| {
+        Ok(Fault::EncoderSwapped { motor: v.motor(0)? })
+    }),
+    Kind("encoder-open", &[MOTOR, ("CHANNEL", 2.0)], "an encoder line is cut: its input reads the pull-up", |v| {
+        v.disturbed(0, Disturbance::Open)
+    }),
+    Kind("spikes", &[("RATE", 100.0), MOTOR, CHANNEL], "RATE spikes of 3 us per second on an encoder line", |v| {
+        v.disturbed(1, Disturbance::Spikes { rate_hz: v.within(0, 0.1, 1e5)? })
+    }),
+    Kind("tone", &[("HZ", 100e3), MOTOR, CHANNEL], "a square wave in place of an encoder's signal", |v| {
+        v.disturbed(1, Disturbance::Tone { hz: v.within(0, 0.1, 1e6)? })
+    }),
+    Kind(
+        "pwm-spikes",
+        &[("MICROSECONDS", 2.0), ("CABLES", 2.0), ("CHANNEL", 0.0)],
+        "each edge of a motor's PWM inverts the encoder lines in its cable for MICROSECONDS; CABLES 2: each motor \
                   has one with its encoder, 1: all share one; CHANNEL 0: both lines of an encoder",
-        make: |v| {
+        |v| {
             let channel = v.within(2, 0.0, 2.0)?;
             Ok(Fault::Coupled(Cable {
                 width: (v.within(0, 0.1, 500.0)? * 1e-6 * FREQUENCY_HZ as f64) as u64,
@@ -102,216 +84,146 @@ const KINDS: &[Kind] = &[
                 channels: [channel != 2.0, channel != 1.0],
             }))
         },
-    },
-    Kind {
-        name: "uneven-poles",
-        values: &[("PERCENT", 20.0), MOTOR],
-        meaning: "the encoder's north poles are PERCENT longer than half a period",
-        make: |v| Ok(Fault::UnevenPoles { fraction: v.percent(0, 45.0)?, motor: v.motor(1)? }),
-    },
-    Kind {
-        name: "blocked",
-        values: &[MOTOR],
-        meaning: "a flagellum is blocked",
-        make: |v| Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Blocked }),
-    },
-    Kind {
-        name: "slips",
-        values: &[MOTOR],
-        meaning: "a blocked flagellum slips: one edge of each encoder channel per second",
-        make: |v| Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Slips }),
-    },
-    Kind {
-        name: "stiction",
-        values: &[("PERCENT", 25.0), MOTOR],
-        meaning: "the gear sticks: the motor starts from rest at PERCENT of full voltage",
-        make: |v| Ok(Fault::Stiction { fraction: v.percent(0, 100.0)?, motor: v.motor(1)? }),
-    },
-    Kind {
-        name: "motor-reversed",
-        values: &[MOTOR],
-        meaning: "the motor's own two leads are swapped",
-        make: |v| Ok(Fault::MotorReversed { motor: v.motor(0)? }),
-    },
-    Kind {
-        name: "motors-swapped",
-        values: &[],
-        meaning: "the bridge's outputs are swapped, the encoders are not",
-        make: |_| Ok(Fault::MotorsSwapped),
-    },
-    Kind {
-        name: "motor-supply-off",
-        values: &[],
-        meaning: "the 6 V supply of the motors is off",
-        make: |_| Ok(Fault::MotorSupplyOff),
-    },
-    Kind {
-        name: "motor-supply",
-        values: &[("VOLT", 5.0)],
-        meaning: "the 6 V supply of the motors is VOLT",
-        make: |v| Ok(Fault::MotorSupply { volts: v.within(0, 0.0, 12.0)? }),
-    },
-    Kind {
-        name: "nack",
-        values: &[("BYTE", 0.0), ("COUNT", 1.0)],
-        meaning: "the sensor does not acknowledge byte BYTE of the next COUNT transactions",
-        make: |v| {
+    ),
+    Kind(
+        "uneven-poles",
+        &[("PERCENT", 20.0), MOTOR],
+        "the encoder's north poles are PERCENT longer than half a period",
+        |v| Ok(Fault::UnevenPoles { fraction: v.percent(0, 45.0)?, motor: v.motor(1)? }),
+    ),
+    Kind("blocked", &[MOTOR], "a flagellum is blocked", |v| {
+        Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Blocked })
+    }),
+    Kind("slips", &[MOTOR], "a blocked flagellum slips: one edge of each encoder channel per second", |v| {
+        Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Slips })
+    }),
+    Kind(
+        "stiction",
+        &[("PERCENT", 25.0), MOTOR],
+        "the gear sticks: the motor starts from rest at PERCENT of full voltage",
+        |v| Ok(Fault::Stiction { fraction: v.percent(0, 100.0)?, motor: v.motor(1)? }),
+    ),
+    Kind("motor-reversed", &[MOTOR], "the motor's own two leads are swapped", |v| {
+        Ok(Fault::MotorReversed { motor: v.motor(0)? })
+    }),
+    Kind("motors-swapped", &[], "the bridge's outputs are swapped, the encoders are not", |_| Ok(Fault::MotorsSwapped)),
+    Kind("motor-supply-off", &[], "the 6 V supply of the motors is off", |_| Ok(Fault::MotorSupplyOff)),
+    Kind("motor-supply", &[("VOLT", 5.0)], "the 6 V supply of the motors is VOLT", |v| {
+        Ok(Fault::MotorSupply { volts: v.within(0, 0.0, 12.0)? })
+    }),
+    Kind(
+        "nack",
+        &[("BYTE", 0.0), ("COUNT", 1.0)],
+        "the sensor does not acknowledge byte BYTE of the next COUNT transactions",
+        |v| {
             Ok(Fault::Imu(ImuFault::Nack {
                 at: At::byte(v.byte(0)?),
                 count: v.within(1, 1.0, f64::from(u32::MAX))? as u32,
             }))
         },
-    },
-    Kind {
-        name: "gone",
-        values: &[],
-        meaning: "the sensor no longer responds",
-        make: |_| Ok(Fault::Imu(ImuFault::Gone(At::now()))),
-    },
-    Kind {
-        name: "stuck",
-        values: &[("CLOCKS", 0.0)],
-        meaning: "the sensor holds SDA low for CLOCKS pulses on SCL, for ever if 0",
-        make: |v| {
-            let clocks = Some(v.byte(0)?).filter(|clocks| *clocks > 0);
-            Ok(Fault::Imu(ImuFault::Stuck { at: At::now(), clocks }))
-        },
-    },
-    Kind {
-        name: "frozen",
-        values: &[],
-        meaning: "the sensor's data do not change",
-        make: |_| Ok(Fault::Imu(ImuFault::Frozen)),
-    },
-    Kind {
-        name: "repeats",
-        values: &[],
-        meaning: "the sensor's data do not change, though it says that they are new",
-        make: |_| Ok(Fault::Imu(ImuFault::Repeats)),
-    },
-    Kind {
-        name: "gyro-zero",
-        values: &[],
-        meaning: "the gyroscope reads zero",
-        make: |_| Ok(Fault::Imu(ImuFault::GyroZero)),
-    },
-    Kind {
-        name: "glitch",
-        values: &[],
-        meaning: "the sensor loses its supply for a moment",
-        make: |_| Ok(Fault::Imu(ImuFault::Glitch)),
-    },
-    Kind {
-        name: "register",
-        values: &[("ADDRESS", 0x1B as f64), ("VALUE", 0x18 as f64)],
-        meaning: "a register of the sensor changes by itself; 0x1B,0x18 is the gyroscope's range",
-        make: |v| Ok(Fault::Register { address: v.byte(0)?, value: v.byte(1)? }),
-    },
-    Kind {
-        name: "sensor-clock",
-        values: &[("PERCENT", 1.0)],
-        meaning: "the sensor's oscillator is PERCENT too fast",
-        make: |v| Ok(Fault::SensorClock { fraction: v.percent(0, 20.0)? }),
-    },
-    Kind {
-        name: "scale",
-        values: &[("PERCENT", 3.0)],
-        meaning: "gyroscope and accelerometer read PERCENT too much",
-        make: |v| Ok(Fault::Scale { fraction: v.percent(0, 50.0)? }),
-    },
-    Kind {
-        name: "askew",
-        values: &[("PERCENT", 2.0)],
-        meaning: "each axis of gyroscope and accelerometer also reads PERCENT of the next axis",
-        make: |v| Ok(Fault::Askew { fraction: v.percent(0, 50.0)? }),
-    },
-    Kind {
-        name: "spin",
-        values: &[("DPS", 3000.0)],
-        meaning: "the sensor also turns about z, by DPS degrees per second; readings beyond its range are clipped",
-        make: |v| Ok(Fault::Spin { dps: v.within(0, -1e5, 1e5)? }),
-    },
-    Kind {
-        name: "bus-rise",
-        values: &[("MICROSECONDS", 2.0)],
-        meaning: "SCL and SDA rise slowly: every bit takes MICROSECONDS longer",
-        make: |v| Ok(Fault::BusRise { us: v.within(0, 0.0, 1e4)? }),
-    },
-    Kind {
-        name: "supply",
-        values: &[("MILLIVOLT", 4100.0)],
-        meaning: "the chip's supply voltage is MILLIVOLT",
-        make: |v| Ok(Fault::Supply { mv: v.within(0, 0.0, 6000.0)? as u32 }),
-    },
-    Kind {
-        name: "brown-out",
-        values: &[("MILLISECONDS", 50.0)],
-        meaning: "the supply falls to 2 V for MILLISECONDS, which resets the chip",
-        make: |v| Ok(Fault::BrownOut { ms: v.within(0, 0.001, 1e5)? }),
-    },
-    Kind {
-        name: "bandgap",
-        values: &[("MILLIVOLT", 1200.0)],
-        meaning: "the chip's bandgap reference is MILLIVOLT; the data sheet allows 1000 to 1200",
-        make: |v| Ok(Fault::Bandgap { mv: v.within(0, 100.0, 5000.0)? as u32 }),
-    },
-    Kind {
-        name: "resonator",
-        values: &[("PERCENT", 0.5)],
-        meaning: "the board's clock is PERCENT too fast",
-        make: |v| Ok(Fault::Resonator { fraction: v.percent(0, 5.0)? }),
-    },
-    Kind {
-        name: "hang",
-        values: &[("INTERRUPTS", 1.0)],
-        meaning: "the firmware enters an endless loop, with interrupts on (1) or off (0)",
-        make: |v| Ok(Fault::Hang { interrupts: v.within(0, 0.0, 1.0)? == 1.0 }),
-    },
-    Kind {
-        name: "busy",
-        values: &[("MILLISECONDS", 12.0)],
-        meaning: "the firmware is blocked for MILLISECONDS, with interrupts on",
-        make: |v| Ok(Fault::Busy { ms: v.within(0, 0.001, 1e5)? }),
-    },
-    Kind {
-        name: "usb",
-        values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
-        meaning: "the USB bridge collects packets of BYTES bytes, for at most MILLISECONDS",
-        make: |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
-    },
-    Kind {
-        name: "frames-lost",
-        values: &[("PERCENT", 10.0)],
-        meaning: "PERCENT of the telemetry frames are lost on the line, at random",
-        make: |v| Ok(Fault::FramesLost { share: v.within(0, 0.0, 100.0)? / 100.0 }),
-    },
-    Kind {
-        name: "no-frames",
-        values: &[("MILLISECONDS", 100.0)],
-        meaning: "no telemetry frame arrives for MILLISECONDS, at 200 frames a second",
-        make: |v| Ok(Fault::NoFrames { ms: v.within(0, 5.0, 1e5)? }),
-    },
-    Kind {
-        name: "push",
-        values: &[("DEGREES", 20.0), ("AXIS", 3.0)],
-        meaning: "something turns the simulated robot by DEGREES within half a second; AXIS 1, 2: about the horizontal direction \
+    ),
+    Kind("gone", &[], "the sensor no longer responds", |_| Ok(Fault::Imu(ImuFault::Gone(At::now())))),
+    Kind("stuck", &[("CLOCKS", 0.0)], "the sensor holds SDA low for CLOCKS pulses on SCL, for ever if 0", |v| {
+        let clocks = Some(v.byte(0)?).filter(|clocks| *clocks > 0);
+        Ok(Fault::Imu(ImuFault::Stuck { at: At::now(), clocks }))
+    }),
+    Kind("frozen", &[], "the sensor's data do not change", |_| Ok(Fault::Imu(ImuFault::Frozen))),
+    Kind("repeats", &[], "the sensor's data do not change, though it says that they are new", |_| {
+        Ok(Fault::Imu(ImuFault::Repeats))
+    }),
+    Kind("gyro-zero", &[], "the gyroscope reads zero", |_| Ok(Fault::Imu(ImuFault::GyroZero))),
+    Kind("glitch", &[], "the sensor loses its supply for a moment", |_| Ok(Fault::Imu(ImuFault::Glitch))),
+    Kind(
+        "register",
+        &[("ADDRESS", 0x1B as f64), ("VALUE", 0x18 as f64)],
+        "a register of the sensor changes by itself; 0x1B,0x18 is the gyroscope's range",
+        |v| Ok(Fault::Register { address: v.byte(0)?, value: v.byte(1)? }),
+    ),
+    Kind("sensor-clock", &[("PERCENT", 1.0)], "the sensor's oscillator is PERCENT too fast", |v| {
+        Ok(Fault::SensorClock { fraction: v.percent(0, 20.0)? })
+    }),
+    Kind("scale", &[("PERCENT", 3.0)], "gyroscope and accelerometer read PERCENT too much", |v| {
+        Ok(Fault::Scale { fraction: v.percent(0, 50.0)? })
+    }),
+    Kind(
+        "askew",
+        &[("PERCENT", 2.0)],
+        "each axis of gyroscope and accelerometer also reads PERCENT of the next axis",
+        |v| Ok(Fault::Askew { fraction: v.percent(0, 50.0)? }),
+    ),
+    Kind(
+        "spin",
+        &[("DPS", 3000.0)],
+        "the sensor also turns about z, by DPS degrees per second; readings beyond its range are clipped",
+        |v| Ok(Fault::Spin { dps: v.within(0, -1e5, 1e5)? }),
+    ),
+    Kind("bus-rise", &[("MICROSECONDS", 2.0)], "SCL and SDA rise slowly: every bit takes MICROSECONDS longer", |v| {
+        Ok(Fault::BusRise { us: v.within(0, 0.0, 1e4)? })
+    }),
+    Kind("supply", &[("MILLIVOLT", 4100.0)], "the chip's supply voltage is MILLIVOLT", |v| {
+        Ok(Fault::Supply { mv: v.within(0, 0.0, 6000.0)? as u32 })
+    }),
+    Kind(
+        "brown-out",
+        &[("MILLISECONDS", 50.0)],
+        "the supply falls to 2 V for MILLISECONDS, which resets the chip",
+        |v| Ok(Fault::BrownOut { ms: v.within(0, 0.001, 1e5)? }),
+    ),
+    Kind(
+        "bandgap",
+        &[("MILLIVOLT", 1200.0)],
+        "the chip's bandgap reference is MILLIVOLT; the data sheet allows 1000 to 1200",
+        |v| Ok(Fault::Bandgap { mv: v.within(0, 100.0, 5000.0)? as u32 }),
+    ),
+    Kind("resonator", &[("PERCENT", 0.5)], "the board's clock is PERCENT too fast", |v| {
+        Ok(Fault::Resonator { fraction: v.percent(0, 5.0)? })
+    }),
+    Kind(
+        "hang",
+        &[("INTERRUPTS", 1.0)],
+        "the firmware enters an endless loop, with interrupts on (1) or off (0)",
+        |v| Ok(Fault::Hang { interrupts: v.within(0, 0.0, 1.0)? == 1.0 }),
+    ),
+    Kind("busy", &[("MILLISECONDS", 12.0)], "the firmware is blocked for MILLISECONDS, with interrupts on", |v| {
+        Ok(Fault::Busy { ms: v.within(0, 0.001, 1e5)? })
+    }),
+    Kind(
+        "usb",
+        &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
+        "the USB bridge collects packets of BYTES bytes, for at most MILLISECONDS",
+        |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
+    ),
+    Kind("frames-lost", &[("PERCENT", 10.0)], "PERCENT of the telemetry frames are lost on the line, at random", |v| {
+        Ok(Fault::FramesLost { share: v.within(0, 0.0, 100.0)? / 100.0 })
+    }),
+    Kind(
+        "no-frames",
+        &[("MILLISECONDS", 100.0)],
+        "no telemetry frame arrives for MILLISECONDS, at 200 frames a second",
+        |v| Ok(Fault::NoFrames { ms: v.within(0, 5.0, 1e5)? }),
+    ),
+    Kind(
+        "push",
+        &[("DEGREES", 20.0), ("AXIS", 3.0)],
+        "something turns the simulated robot by DEGREES within half a second; AXIS 1, 2: about the horizontal direction \
                   of its x or y axis, 3: about the vertical",
-        make: |v| {
+        |v| {
             let axes = [Axis::X, Axis::Y, Axis::Vertical];
             Ok(Fault::Push { degrees: v.within(0, -180.0, 180.0)?, axis: axes[v.within(1, 1.0, 3.0)? as usize - 1] })
         },
-    },
+    ),
 ];
 
 /// The values after a name, with its defaults.
 struct Values {
-    kind: &'static Kind,
+    name: &'static str,
+    known: &'static [(&'static str, f64)],
     given: Vec<f64>,
 }
 
 impl Values {
     fn get(&self, index: usize) -> f64 {
-        self.given.get(index).copied().unwrap_or(self.kind.values[index].1)
+        self.given.get(index).copied().unwrap_or(self.known[index].1)
     }
 
     fn within(&self, index: usize, low: f64, high: f64) -> Result<f64, String> {
@@ -319,7 +231,7 @@ impl Values {
         if (low..=high).contains(&value) {
             return Ok(value);
         }
-        let (name, what) = (self.kind.name, self.kind.values[index].0);
+        let (name, what) = (self.name, self.known[index].0);
         Err(format!("fault {name}: {what} must be from {low} to {high}, not {value}"))
     }
 
@@ -344,7 +256,7 @@ impl Values {
 /// Returns the list of all faults with their values.
 pub fn help() -> String {
     let mut text = String::from("Faults and their values, with defaults in brackets:\n\n");
-    for Kind { name, values, meaning, .. } in KINDS {
+    for Kind(name, values, meaning, _) in KINDS {
         let join = |parts: Vec<String>| if parts.is_empty() { String::new() } else { format!("={}", parts.join(",")) };
         let names = join(values.iter().map(|(name, _)| (*name).to_owned()).collect());
         let is_hex = *name == "register";
@@ -365,15 +277,14 @@ impl FromStr for Fault {
             Some((name, values)) => (name, values.split(',').collect()),
             None => (text, Vec::new()),
         };
-        let kind = KINDS
-            .iter()
-            .find(|kind| kind.name == name)
-            .ok_or_else(|| format!("no fault is called {name:?}; `vnano --fault help` lists them"))?;
+        let kind = KINDS.iter().find(|kind| kind.0 == name);
+        let Kind(name, known, _, make) =
+            kind.ok_or_else(|| format!("no fault is called {name:?}; `vnano --fault help` lists them"))?;
         let given = values.iter().map(|value| number(value)).collect::<Result<Vec<_>, _>>()?;
-        if given.len() > kind.values.len() {
-            return Err(format!("fault {name}: {} values, and it has {}", given.len(), kind.values.len()));
+        if given.len() > known.len() {
+            return Err(format!("fault {name}: {} values, and it has {}", given.len(), known.len()));
         }
-        (kind.make)(&Values { kind, given })
+        make(&Values { name, known, given })
     }
 }
 
@@ -417,8 +328,8 @@ mod tests {
     #[test]
     fn every_name_has_defaults_that_it_allows() {
         for kind in KINDS {
-            kind.name.parse::<Fault>().unwrap_or_else(|error| panic!("{error}"));
-            assert!(help().contains(&format!("\n  {}", kind.name)));
+            kind.0.parse::<Fault>().unwrap_or_else(|error| panic!("{error}"));
+            assert!(help().contains(&format!("\n  {}", kind.0)));
         }
     }
 

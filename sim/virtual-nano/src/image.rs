@@ -18,53 +18,26 @@ pub struct Image {
 
 /// Why a file is not a program for the board.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ImageError {
     /// Not readable.
     #[error("cannot read {path}: {source}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
+    Unreadable { path: PathBuf, source: std::io::Error },
     /// Damaged, or something else.
     #[error("{path} is not an ELF file: {reason}")]
-    NotElf {
-        /// The file.
-        path: PathBuf,
-        /// What does not fit.
-        reason: object::Error,
-    },
+    NotElf { path: PathBuf, reason: object::Error },
     /// A program for another machine.
     #[error("{path} is not for the AVR (ELF machine {machine}); build it with `sh firmware/build.sh`")]
-    NotAvr {
-        /// The file.
-        path: PathBuf,
-        /// The ELF header's machine.
-        machine: u16,
-    },
+    NotAvr { path: PathBuf, machine: u16 },
     /// Nothing in it, or more than the chip has.
     #[error("{path} does not fit: it needs flash up to {address:#x}")]
-    DoesNotFit {
-        /// The file.
-        path: PathBuf,
-        /// The first byte past the flash.
-        address: u64,
-    },
+    DoesNotFit { path: PathBuf, address: u64 },
     /// No program.
     #[error("{path} holds no program")]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
+    Empty { path: PathBuf },
     /// A line that is not Intel HEX.
     #[error("{path}, line {line}: not Intel HEX")]
-    NotHex {
-        /// The file.
-        path: PathBuf,
-        /// Counted from 1.
-        line: usize,
-    },
+    NotHex { path: PathBuf, line: usize },
 }
 
 impl Image {
@@ -117,12 +90,13 @@ impl Image {
         let bytes = read(path)?;
         let text = String::from_utf8_lossy(&bytes);
         let mut image = Self::default();
-        for (index, line) in text.lines().enumerate() {
+        for (index, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
             let record = parse_hex(line.trim());
             match record.ok_or_else(|| ImageError::NotHex { path: path.into(), line: index + 1 })? {
-                Record::Data { address, bytes } => image.push(address.into(), &bytes, room, path)?,
-                Record::End => break,
-                Record::Other => {}
+                (0, address, bytes) => image.push(address.into(), &bytes, room, path)?,
+                (1, ..) => break,
+                // Extended addresses of files for larger chips, start addresses: nothing to load.
+                _ => {}
             }
         }
         image.checked(path)
@@ -146,21 +120,9 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     std::fs::read(path).map_err(|source| ImageError::Unreadable { path: path.into(), source })
 }
 
-enum Record {
-    Data {
-        address: u16,
-        bytes: Vec<u8>,
-    },
-    End,
-    /// Extended addresses of files for larger chips, start addresses: nothing to load.
-    Other,
-}
-
-/// Parses one line: `:` count, address, kind, bytes, and a checksum that makes the sum of all bytes zero.
-fn parse_hex(line: &str) -> Option<Record> {
-    if line.is_empty() {
-        return Some(Record::Other);
-    }
+/// Parses one line: `:` count, address, kind, bytes, and a checksum that makes the sum of all bytes zero. Returns kind,
+/// address and bytes.
+fn parse_hex(line: &str) -> Option<(u8, u16, Vec<u8>)> {
     let digits = line.strip_prefix(':')?.as_bytes();
     let pairs = digits.chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok());
     let bytes: Vec<u8> = pairs.collect::<Option<_>>()?;
@@ -168,11 +130,7 @@ fn parse_hex(line: &str) -> Option<Record> {
     if data.len() != usize::from(*count) || bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) != 0 {
         return None;
     }
-    match kind {
-        0 => Some(Record::Data { address: u16::from_be_bytes([*high, *low]), bytes: data.to_vec() }),
-        1 => Some(Record::End),
-        _ => Some(Record::Other),
-    }
+    Some((*kind, u16::from_be_bytes([*high, *low]), data.to_vec()))
 }
 
 #[cfg(test)]
@@ -181,9 +139,8 @@ mod tests {
 
     #[test]
     fn a_hex_line_is_data_only_with_its_sum() {
-        let Some(Record::Data { address, bytes }) = parse_hex(":0400300002F502F8DB") else { panic!("not data") };
-        assert_eq!((address, &bytes[..]), (0x30, &[0x02, 0xF5, 0x02, 0xF8][..]));
-        assert!(matches!(parse_hex(":00000001FF"), Some(Record::End)));
+        assert_eq!(parse_hex(":0400300002F502F8DB"), Some((0, 0x30, vec![0x02, 0xF5, 0x02, 0xF8])));
+        assert_eq!(parse_hex(":00000001FF"), Some((1, 0, Vec::new())));
         for wrong in [":0400300002F502F8DC", ":0400300002F502F8", "0400300002F502F8DB", ":04003", ":zz"] {
             assert!(parse_hex(wrong).is_none(), "{wrong}");
         }

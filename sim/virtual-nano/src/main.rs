@@ -1,6 +1,6 @@
 //! `vnano`: the emulated board as a program. Its first line on standard output names the port.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use serde_json::json;
 use sim::params::Robot;
 use std::error::Error;
@@ -40,7 +40,7 @@ struct Arguments {
     firmware: Option<PathBuf>,
     /// A bootloader and no program; opening the port resets the board
     #[arg(long)]
-    bootloader: Option<BootloaderName>,
+    bootloader: Option<Bootloader>,
     /// A recording for the sensor to play; without --imu and --robot the sensor is at rest
     #[arg(long, value_name = "FILE.csv")]
     imu: Option<PathBuf>,
@@ -72,14 +72,6 @@ struct Arguments {
     /// File that keeps the EEPROM, 1024 bytes
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum BootloaderName {
-    /// 115200 bit/s
-    Optiboot,
-    /// 57600 bit/s
-    Old,
 }
 
 fn parse_byte(text: &str) -> Result<u8, String> {
@@ -131,13 +123,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     let options = BoardOptions { source, imu_id: arguments.who_am_i, seed, ..BoardOptions::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
-        (_, Some(name)) => {
-            let bootloader = match name {
-                BootloaderName::Optiboot => Bootloader::Optiboot,
-                BootloaderName::Old => Bootloader::Old,
-            };
-            Board::with_bootloader(&bootloader.load()?, options)?
-        }
+        (_, Some(bootloader)) => Board::with_bootloader(&bootloader.load()?, options)?,
         (Some(path), None) => Board::new(&Image::from_elf(path)?, options)?,
         (None, None) => unreachable!("clap requires one of them"),
     };

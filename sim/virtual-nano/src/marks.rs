@@ -34,7 +34,8 @@ impl Lengths {
 /// Durations of the stages so far.
 pub struct Marks {
     stages: [Lengths; 256],
-    tick: Lengths,
+    /// The durations from [`TICK_BEGIN`] to [`TICK_END`].
+    pub tick: Lengths,
     last: Option<u64>,
     tick_began: Option<u64>,
 }
@@ -73,11 +74,6 @@ impl Marks {
         *self = Self::default();
     }
 
-    /// Returns the durations from [`TICK_BEGIN`] to [`TICK_END`].
-    pub fn tick(&self) -> Lengths {
-        self.tick
-    }
-
     /// Returns the durations of the stage that the mark `value` ends.
     pub fn stage(&self, value: u8) -> Lengths {
         self.stages[usize::from(value)]
@@ -94,7 +90,7 @@ mod tests {
         for (cycle, value) in [(5, TICK_END), (100, TICK_BEGIN), (130, 0x11), (150, TICK_END), (180, TICK_BEGIN)] {
             marks.mark(cycle, value);
         }
-        assert_eq!(marks.tick(), Lengths { count: 1, total: 50, worst: 50 });
+        assert_eq!(marks.tick, Lengths { count: 1, total: 50, worst: 50 });
         assert_eq!(marks.stage(0x11).mean(), 30);
         assert_eq!(marks.stage(TICK_BEGIN).worst, 95);
     }

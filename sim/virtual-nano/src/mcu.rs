@@ -273,12 +273,6 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_peek(self.raw, address) }
     }
 
-    /// Changes a byte of data space behind the program's back.
-    pub fn poke(&mut self, address: u16, value: u8) {
-        // SAFETY: the shim checks the bounds.
-        unsafe { nano_poke(self.raw, address, value) }
-    }
-
     /// Returns the largest number of bytes of stack used, if static data end before `bottom`.
     pub fn deepest_stack(&self, bottom: u16) -> u16 {
         // SAFETY: `raw` is a chip.
@@ -343,7 +337,6 @@ unsafe extern "C" {
     fn nano_serial_byte_cycles(nano: *const Raw) -> u32;
     fn nano_serial_overruns(nano: *const Raw) -> u64;
     fn nano_peek(nano: *const Raw, address: u16) -> u8;
-    fn nano_poke(nano: *mut Raw, address: u16, value: u8);
     fn nano_deepest_stack(nano: *const Raw, bottom: u16) -> u16;
     fn nano_pc(nano: *const Raw) -> u32;
 }

@@ -64,18 +64,23 @@ pub enum Rotor {
 /// A motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
-    parameters: MotorParameters,
-    drive: Drive,
+    /// The parameters.
+    pub parameters: MotorParameters,
+    /// The bridge's drive.
+    pub drive: Drive,
     rotor: Rotor,
     /// Time since the last slip, s.
     held_s: f64,
-    powered: bool,
+    /// Whether the motors' supply is on.
+    pub powered: bool,
     /// Its supply, as a fraction of the nominal one.
     supply: f64,
-    reversed: bool,
-    speed_rpm: f64,
+    /// Whether the motor's own two leads are swapped.
+    pub reversed: bool,
+    /// Speed of the flagellum, rpm.
+    pub speed_rpm: f64,
     /// Angle of the flagellum in encoder counts.
-    counts: f64,
+    pub counts: f64,
 }
 
 impl Motor {
@@ -94,11 +99,6 @@ impl Motor {
         }
     }
 
-    /// Sets the bridge's drive.
-    pub fn set_drive(&mut self, drive: Drive) {
-        self.drive = drive;
-    }
-
     /// Holds the flagellum, or releases it.
     pub fn hold(&mut self, rotor: Rotor) {
         self.rotor = rotor;
@@ -108,29 +108,9 @@ impl Motor {
         }
     }
 
-    /// Switches the motors' supply on or off.
-    pub fn set_powered(&mut self, powered: bool) {
-        self.powered = powered;
-    }
-
     /// Sets the motors' supply, V.
     pub fn set_supply(&mut self, volts: f64) {
         self.supply = volts / NOMINAL_V;
-    }
-
-    /// Swaps the motor's own two leads, or puts them right.
-    pub fn reverse(&mut self, reversed: bool) {
-        self.reversed = reversed;
-    }
-
-    /// Changes the parameters.
-    pub fn parameters_mut(&mut self) -> &mut MotorParameters {
-        &mut self.parameters
-    }
-
-    /// Returns the speed of the flagellum, rpm.
-    pub fn speed_rpm(&self) -> f64 {
-        self.speed_rpm
     }
 
     /// Returns the speed of the flagellum, rad/s.
@@ -146,11 +126,6 @@ impl Motor {
     /// Returns the whole encoder counts (edges of both channels) since the start.
     pub fn encoder_counts(&self) -> i64 {
         self.counts.floor() as i64
-    }
-
-    /// Returns the position of the shaft in encoder counts.
-    pub fn counts(&self) -> f64 {
-        self.counts
     }
 
     /// Returns the speed of the shaft in encoder counts per second.
@@ -215,46 +190,46 @@ mod tests {
     #[test]
     fn it_reaches_63_percent_after_one_time_constant() {
         let mut motor = Motor::new(MotorParameters::default());
-        motor.set_drive(Drive::Voltage(1.0));
+        motor.drive = Drive::Voltage(1.0);
         run(&mut motor, 0.080);
-        assert!((motor.speed_rpm() / 130.0 - (1.0 - (-1.0f64).exp())).abs() < 1e-3);
+        assert!((motor.speed_rpm / 130.0 - (1.0 - (-1.0f64).exp())).abs() < 1e-3);
         run(&mut motor, 2.0);
-        assert!((motor.speed_rpm() - 130.0).abs() < 1e-6);
-        motor.set_drive(Drive::Coast);
+        assert!((motor.speed_rpm - 130.0).abs() < 1e-6);
+        motor.drive = Drive::Coast;
         run(&mut motor, 3.0);
-        assert_eq!(motor.speed_rpm(), 0.0);
+        assert_eq!(motor.speed_rpm, 0.0);
     }
 
     #[test]
     fn low_voltage_and_a_block_keep_it_still() {
         let mut motor = Motor::new(MotorParameters::default());
-        motor.set_drive(Drive::Voltage(0.05));
+        motor.drive = Drive::Voltage(0.05);
         run(&mut motor, 1.0);
-        assert_eq!(motor.speed_rpm(), 0.0);
-        motor.set_drive(Drive::Voltage(1.0));
+        assert_eq!(motor.speed_rpm, 0.0);
+        motor.drive = Drive::Voltage(1.0);
         run(&mut motor, 1.0);
         motor.hold(Rotor::Blocked);
         let counts = motor.encoder_counts();
         run(&mut motor, 1.0);
-        assert_eq!((motor.speed_rpm(), motor.encoder_counts()), (0.0, counts));
+        assert_eq!((motor.speed_rpm, motor.encoder_counts()), (0.0, counts));
     }
 
     #[test]
     fn a_held_rotor_slips_by_an_edge_of_each_channel_a_second() {
         let mut motor = Motor::new(MotorParameters::default());
-        motor.set_drive(Drive::Voltage(-1.0));
+        motor.drive = Drive::Voltage(-1.0);
         motor.hold(Rotor::Slips);
         run(&mut motor, 3.2);
-        assert_eq!((motor.speed_rpm(), motor.encoder_counts()), (0.0, -6));
+        assert_eq!((motor.speed_rpm, motor.encoder_counts()), (0.0, -6));
     }
 
     #[test]
     fn a_gear_that_sticks_needs_more_to_start_than_to_go_on() {
         let mut motor = Motor::new(MotorParameters { breakaway: 0.25, ..MotorParameters::default() });
         let mut speed_at = |fraction: f64| {
-            motor.set_drive(Drive::Voltage(fraction));
+            motor.drive = Drive::Voltage(fraction);
             run(&mut motor, 1.0);
-            motor.speed_rpm().round()
+            motor.speed_rpm.round()
         };
         assert_eq!([0.2, 0.3, 0.2, -0.2, -0.3].map(&mut speed_at), [0.0, 33.0, 19.0, 0.0, -33.0]);
     }
@@ -262,21 +237,21 @@ mod tests {
     #[test]
     fn its_speed_follows_its_supply() {
         let mut motor = Motor::new(MotorParameters { dead_zone: 0.0, breakaway: 0.0, ..MotorParameters::default() });
-        motor.set_drive(Drive::Voltage(0.6));
+        motor.drive = Drive::Voltage(0.6);
         motor.set_supply(5.0);
         run(&mut motor, 2.0);
-        assert!((motor.speed_rpm() - 130.0 * 0.6 * 5.0 / 6.0).abs() < 1e-6);
+        assert!((motor.speed_rpm - 130.0 * 0.6 * 5.0 / 6.0).abs() < 1e-6);
     }
 
     #[test]
     fn without_supply_it_coasts_and_with_its_leads_swapped_it_turns_back() {
         let mut motor = Motor::new(MotorParameters::default());
-        motor.set_drive(Drive::Voltage(1.0));
-        motor.reverse(true);
+        motor.drive = Drive::Voltage(1.0);
+        motor.reversed = true;
         run(&mut motor, 2.0);
-        assert!((motor.speed_rpm() + 130.0).abs() < 1e-6);
-        motor.set_powered(false);
+        assert!((motor.speed_rpm + 130.0).abs() < 1e-6);
+        motor.powered = false;
         run(&mut motor, 0.2);
-        assert!((motor.speed_rpm() / -130.0 - (-1.0f64).exp()).abs() < 1e-3);
+        assert!((motor.speed_rpm / -130.0 - (-1.0f64).exp()).abs() < 1e-3);
     }
 }

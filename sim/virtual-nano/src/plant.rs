@@ -273,15 +273,15 @@ mod tests {
             (0..2).map(|k| (modelled[k].angle - motors[k].angle_rad()).abs().to_degrees()).fold(0.0, f64::max)
         };
         let (mut worst, mut steady): (f64, f64) = (0.0, 0.0);
-        motors[0].set_drive(Drive::Voltage(0.7));
-        motors[1].set_drive(Drive::Voltage(-0.3));
+        motors[0].drive = Drive::Voltage(0.7);
+        motors[1].drive = Drive::Voltage(-0.3);
         run(&mut plant, &mut motors, 0.0, 2.0, |plant, motors, time_s| {
             worst = worst.max(error(plant, motors, time_s));
             if time_s > 1.0 {
                 steady = steady.max(error(plant, motors, time_s));
             }
         });
-        motors.iter_mut().for_each(|motor| motor.set_drive(Drive::Brake));
+        motors.iter_mut().for_each(|motor| motor.drive = Drive::Brake);
         let mut after: f64 = 0.0;
         run(&mut plant, &mut motors, 2.0, 2.0, |plant, motors, time_s| {
             worst = worst.max(error(plant, motors, time_s));
@@ -304,7 +304,7 @@ mod tests {
         let at_rest = plant.movement(0.0);
         assert!(at_rest.rate_dps.iter().all(|rate| rate.abs() < 1e-3), "{at_rest:?}");
         assert!((Vector3::from(at_rest.specific_force_g) - Vector3::z()).norm() < 1e-3, "{at_rest:?}");
-        motors[0].set_drive(Drive::Voltage(0.7));
+        motors[0].drive = Drive::Voltage(0.7);
         let (mut yaw, mut last, mut felt) = (0.0, 0.0, true);
         run(&mut plant, &mut motors, 0.0, 3.0, |plant, _, time_s| {
             let movement = plant.movement(time_s);
@@ -329,8 +329,8 @@ mod tests {
         for (axis, angle_deg) in [(Axis::X, 20.0_f64), (Axis::Y, -20.0), (Axis::Vertical, 170.0)] {
             let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
             let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
-            motors[0].set_drive(Drive::Voltage(0.5));
-            motors[1].set_drive(Drive::Voltage(-0.2));
+            motors[0].drive = Drive::Voltage(0.5);
+            motors[1].drive = Drive::Voltage(-0.2);
             run(&mut plant, &mut motors, 0.0, 2.0, |_, _, _| {});
             let begun = plant.attitude_and_rate(2.0).unwrap().0;
             let yaw = plant.trial.at(REST_S + 2.0).unwrap().euler[0];
@@ -369,8 +369,8 @@ mod tests {
         assert!(Plant::new(&robot, 20.0).is_err_and(|error| error.contains("no step from -150.0")));
         let mut plant = Plant::new(&soft, 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
-        motors[0].set_drive(Drive::Voltage(0.7));
-        motors[1].set_drive(Drive::Voltage(-0.7));
+        motors[0].drive = Drive::Voltage(0.7);
+        motors[1].drive = Drive::Voltage(-0.7);
         run(&mut plant, &mut motors, 0.0, 8.0, |_, _, _| {});
         assert!(plant.failure().is_some_and(|failure| failure.contains("no step from")), "{:?}", plant.failure());
     }

@@ -92,19 +92,19 @@ impl Runner {
         let board = &mut self.board;
         match command {
             Command::Play => {
-                if board.change_imu(|imu| imu.source_mut().play()).is_none() {
+                if board.change_imu(|imu| imu.source.play()).is_none() {
                     return (control::error(line, "the sensor has no recording; start with --imu FILE.csv"), true);
                 }
             }
-            Command::Rewind => board.change_imu(|imu| imu.source_mut().rewind()),
+            Command::Rewind => board.change_imu(|imu| imu.source.rewind()),
             Command::Turn(..) | Command::Pose(..) | Command::Hand(_) => {
                 return (control::by_hand(line, board, command), true);
             }
             Command::Exchange(time_us, bytes) => return (control::exchange(line, board, time_us, &bytes), true),
             Command::Truth => return (control::truth(line, board), true),
             Command::Status => return (control::status(board, &self.count), true),
-            Command::Drop(frames) => board.serial_mut().drop_frames(frames),
-            Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),
+            Command::Drop(frames) => board.rig_mut().serial.drop_frames(frames),
+            Command::Corrupt(frames) => board.rig_mut().serial.corrupt_frames(frames),
             Command::Fault(Timed { fault, .. }) if let Some(problem) = board.refuses(&fault) => {
                 return (control::error(line, problem), true);
             }
@@ -131,7 +131,7 @@ impl Runner {
             return Ok(());
         }
         let ratio = f64::from(self.port.baud()?) / self.board.baud();
-        self.board.serial_mut().set_garbled((ratio - 1.0).abs() > BAUD_TOLERANCE);
+        self.board.rig_mut().serial.garbled = (ratio - 1.0).abs() > BAUD_TOLERANCE;
         let from_host = self.port.read()?;
         if !from_host.is_empty() {
             self.pace.hear_host(self.board.seconds());

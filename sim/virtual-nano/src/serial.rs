@@ -26,16 +26,18 @@ pub struct LineCount {
 #[derive(Debug)]
 pub struct Serial {
     to_chip: VecDeque<u8>,
-    usb: Usb,
+    /// The USB bridge.
+    pub usb: Usb,
     to_drop: u64,
     to_corrupt: u64,
     /// Share of the stream's frames that are lost at random.
-    lost: f64,
+    pub lost: f64,
     /// Fate of the frame under way.
     fate: Fate,
     /// Bytes of the frame under way.
     length: u64,
-    garbled: bool,
+    /// Whether the two ends run at different speeds and so read nonsense.
+    pub garbled: bool,
     noise: Noise,
     count: LineCount,
 }
@@ -82,29 +84,14 @@ impl Serial {
         self.usb.take(now_s)
     }
 
-    /// Returns the USB bridge.
-    pub fn usb_mut(&mut self) -> &mut Usb {
-        &mut self.usb
-    }
-
     /// Drops the next `frames` whole frames of the stream on their way to the host. Replies arrive.
     pub fn drop_frames(&mut self, frames: u64) {
         self.to_drop += frames;
     }
 
-    /// Loses this share of the stream's frames, at random.
-    pub fn lose_frames(&mut self, share: f64) {
-        self.lost = share;
-    }
-
     /// Damages a byte in each of the next `frames` frames of the stream that are not lost.
     pub fn corrupt_frames(&mut self, frames: u64) {
         self.to_corrupt += frames;
-    }
-
-    /// Sets whether the two ends run at different speeds and so read nonsense.
-    pub fn set_garbled(&mut self, garbled: bool) {
-        self.garbled = garbled;
     }
 
     /// Returns the counts since the start.

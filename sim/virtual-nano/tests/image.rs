@@ -26,8 +26,8 @@ fn the_image_fits_with_room_to_spare() {
         host.send(Command::ReadSettings);
         host.run_ms(7);
     }
-    let tick = host.board.marks().tick();
-    let (statics, stack) = (host.board.static_bytes().unwrap(), host.board.deepest_stack().unwrap());
+    let tick = host.board.rig().marks.tick;
+    let (statics, stack) = (host.board.static_bytes.unwrap(), host.board.deepest_stack().unwrap());
     let ram = u64::from(statics + stack);
     let rows = [
         ("flash, bytes", image.flash_bytes() as u64, FLASH),
@@ -89,7 +89,7 @@ impl Load {
         }
         host.run_linked_ms(500);
         self.noise.iter().for_each(|fault| host.inject(fault));
-        host.board.marks_mut().clear();
+        host.board.rig_mut().marks.clear();
         let late = host.board.serial_overruns();
         let mut requests = self.requests.iter().cycle();
         let (mut sent, mut owed) = (0, 0.0);
@@ -97,9 +97,9 @@ impl Load {
         for _ in 0..2000 {
             owed += 50.0 * self.share;
             while owed >= 6.0 {
-                let waiting = host.board.serial().waiting();
+                let waiting = host.board.rig().serial.waiting();
                 host.send(*requests.next().unwrap());
-                owed -= (host.board.serial().waiting() - waiting) as f64;
+                owed -= (host.board.rig().serial.waiting() - waiting) as f64;
                 sent += 1;
             }
             host.run_ms(1);
@@ -139,7 +139,7 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
     println!("| --- | ---: | ---: | ---: | ---: | ---: |");
     for load in loads {
         let (host, sent, answered) = load.bear();
-        let tick = host.board.marks().tick();
+        let tick = host.board.rig().marks.tick;
         let last = host.last();
         let Load { name, share, noise, .. } = load;
         println!("| {name} | {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
@@ -147,7 +147,7 @@ fn no_load_of_the_line_takes_anything_from_motors_and_telemetry() {
         assert_eq!((last.fault != Fault::None, last.missed_ticks.0, last.unsent.0), (stops, 0, 0), "{name}");
         // What the processor has no time for is dropped; a host sends far less.
         assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
-        let ram = u64::from(host.board.static_bytes().unwrap() + host.board.deepest_stack().unwrap());
+        let ram = u64::from(host.board.static_bytes.unwrap() + host.board.deepest_stack().unwrap());
         assert!(ram <= RAM, "{name}: {ram} bytes of RAM");
         assert!(tick.worst <= WORST_TICK, "{name}: {} cycles", tick.worst);
     }
@@ -185,7 +185,7 @@ fn a_tone_on_both_encoders_misses_no_tick_until_it_is_a_fault() {
 /// Bears a load that may take more than [`WORST_TICK`]. Returns the fault that it ends in.
 fn fault_without_a_missed_tick(load: &Load) -> Fault {
     let (host, sent, answered) = load.bear();
-    let (worst, last) = (host.board.marks().tick().worst, host.last());
+    let (worst, last) = (host.board.rig().marks.tick.worst, host.last());
     let what = format!("{} with {}", load.name, load.noise.join(", "));
     println!("| {what} | 100 % | {sent} | {answered} | {worst} | {} |", last.unsent.0);
     assert_eq!((last.missed_ticks.0, last.unsent.0), (0, 0), "{what}");

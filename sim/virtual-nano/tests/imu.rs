@@ -18,7 +18,7 @@ fn a_recording_arrives_unchanged() {
     let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
     host.order(Command::WriteSettings(Settings { accel_range: AccelRange::G8, ..Settings::DEFAULT }));
     host.run_ms(500);
-    host.board.change_imu(|imu| imu.source_mut().play()).unwrap();
+    host.board.change_imu(|imu| imu.source.play()).unwrap();
     host.telemetry.clear();
     host.run_ms(5000);
     // The first frame of the recording shows when it began; from there on every tick has its sample of it.
@@ -78,7 +78,7 @@ fn check(host: &Host, case: &Case, what: &str) {
         assert_eq!(host.fault(), Fault::None, "{what}: a passing fault is latched");
     } else {
         assert!(is_of_imu(host.fault()), "{what}: {:?}", host.fault());
-        assert_eq!(host.board.bridge().pwm, [0, 0], "{what}: motors on");
+        assert_eq!(host.board.rig().bridge.pwm, [0, 0], "{what}: motors on");
     }
 }
 
@@ -96,14 +96,14 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
                 host.board.change_imu(|imu| imu.inject((case.fault)(at)));
                 // The reset in set-up alone takes 100 ms.
                 host.run_ms(300);
-                if host.board.imu().count().faults == 0 {
+                if host.board.rig().imu.count().faults == 0 {
                     break;
                 }
                 host.hello();
                 host.stream();
                 host.run_linked_ms(400);
                 check(&host, case, &format!("{} at byte {byte} of transaction {transaction}", case.name));
-                worst = worst.max(host.board.marks().tick().worst);
+                worst = worst.max(host.board.rig().marks.tick.worst);
                 struck += 1;
             }
         }
@@ -129,7 +129,7 @@ fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
             let errors = host.last().imu_errors;
             host.board.change_imu(|imu| imu.inject((case.fault)(At::byte(byte))));
             host.run_linked_ms(400);
-            if host.board.imu().count().faults == 0 {
+            if host.board.rig().imu.count().faults == 0 {
                 assert!(case.name.starts_with("no acknowledgement") && byte > 2, "{what}: does not strike");
                 continue;
             }
@@ -142,7 +142,7 @@ fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
                 host.run_linked_ms(20);
                 assert!(host.last().imu_fresh && host.fault() == Fault::None, "{what}: does not come back");
             }
-            worst = worst.max(host.board.marks().tick().worst);
+            worst = worst.max(host.board.rig().marks.tick.worst);
             struck += 1;
         }
     }
@@ -158,7 +158,7 @@ fn frozen_data_stop_the_motors() {
     host.run_linked_ms(300);
     host.board.change_imu(|imu| imu.inject(ImuFault::Frozen));
     host.run_linked_ms(400);
-    assert_eq!((host.fault(), host.board.bridge().pwm), (Fault::ImuFrozen, [0, 0]));
+    assert_eq!((host.fault(), host.board.rig().bridge.pwm), (Fault::ImuFrozen, [0, 0]));
     host.board.change_imu(|imu| imu.clear_faults());
     host.run_linked_ms(400);
     host.order(Command::ClearFault);
@@ -184,7 +184,7 @@ fn the_angle_does_not_depend_on_the_sensors_oscillator() {
     for error in [-0.01, 0.0, 0.01] {
         let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, swing_hz: 0.0, start_s: 0.5 }, 3);
         let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
-        host.board.change_imu(|imu| imu.set_oscillator_error(error));
+        host.board.change_imu(|imu| imu.oscillator_error = error);
         host.run_linked_ms(1000);
         host.telemetry.clear();
         host.run_linked_ms(6000);
@@ -208,7 +208,7 @@ fn a_swing_of_the_sensor_is_no_turn() {
     {
         let table = Turntable { up: [0.0, 0.0, 1.0], dps: 30.0, swing_hz, start_s: 0.5 };
         let mut host = Host::ready(BoardOptions { source: Source::turntable(table, 3), ..BoardOptions::default() });
-        host.board.change_imu(|imu| imu.set_oscillator_error(error));
+        host.board.change_imu(|imu| imu.oscillator_error = error);
         host.run_linked_ms(1000);
         host.telemetry.clear();
         host.run_linked_ms(12_000);

@@ -21,7 +21,7 @@ fn a_silent_host_stops_both_motors_within_the_deadline_and_a_tick() {
         host.set_speeds([60.0, -40.0]);
         host.run_until(host.board.cycle() + 20 * MS + random.next_u64() % TICK);
         // A motor that coasts from the phase before may be as fast as it is to be.
-        while host.board.bridge().pwm.contains(&0) {
+        while host.board.rig().bridge.pwm.contains(&0) {
             host.run_linked_ms(1);
         }
         host.send(Command::Ping);
@@ -48,7 +48,7 @@ fn a_refused_order_keeps_the_motors_off_while_the_fault_lasts() {
     let again = Command::SetSpeeds([CentiRpm(6000); 2]);
     assert_eq!(host.ask(again), Reply::Refused(protocol::Refusal::Faulted));
     host.run_linked_ms(100);
-    assert_eq!(host.board.bridge().pwm, [0, 0]);
+    assert_eq!(host.board.rig().bridge.pwm, [0, 0]);
 }
 
 /// A host that sends many requests at once fills the inbox. What finds no room is lost, and never carried out late: a `Stop`
@@ -72,7 +72,7 @@ fn a_stop_never_carries_out_an_order_that_found_no_room() {
         assert_eq!(host.last().state, state, "round {round}: {pings} pings and an order");
         host.order(Command::Stop);
         host.run_ms(20);
-        assert_eq!((host.last().state, host.board.bridge().pwm), (State::Idle, [0, 0]), "round {round}");
+        assert_eq!((host.last().state, host.board.rig().bridge.pwm), (State::Idle, [0, 0]), "round {round}");
     }
     println!("{lost} of 60 orders found no room");
     assert!((1..60).contains(&lost), "{lost} of 60 orders found no room");
@@ -148,7 +148,7 @@ impl Babbler {
 
     /// Notes what the board has got.
     fn listen(&mut self, host: &Host) {
-        let (cycle, heard) = (host.board.cycle(), self.sent - host.board.serial().waiting() as u64);
+        let (cycle, heard) = (host.board.cycle(), self.sent - host.board.rig().serial.waiting() as u64);
         for whole in self.whole.iter_mut().filter(|whole| whole.end <= heard) {
             whole.heard.get_or_insert(cycle);
         }
@@ -229,7 +229,7 @@ fn a_hang_stops_both_motors_within_a_watchdog_period_and_the_board_comes_back() 
         host.set_speeds([60.0, -40.0]);
         host.run_linked_ms(100);
         host.run_until(host.board.cycle() + random.next_u64() % (10 * TICK));
-        assert!(host.board.bridge().pwm.iter().all(|pwm| *pwm > 0));
+        assert!(host.board.rig().bridge.pwm.iter().all(|pwm| *pwm > 0));
         let before = host.board.cycle();
         host.hang(true);
         worst = worst.max(host.run_until_off(LIMIT) - before);

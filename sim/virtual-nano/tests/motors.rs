@@ -20,12 +20,12 @@ fn speeds_settle_at_their_targets_either_way_round() {
             }
             host.run_ms(5);
             let seconds = f64::from(step) * 0.005;
-            let error = host.board.motors()[0].speed_rpm() - rpm;
+            let error = host.board.rig().motors[0].speed_rpm - rpm;
             if error.abs() > TOLERANCE_RPM {
                 settled_s = seconds;
             }
             if seconds > 3.0 {
-                let other = host.board.motors()[1].speed_rpm() + rpm;
+                let other = host.board.rig().motors[1].speed_rpm + rpm;
                 ripple = ripple.max(error.abs()).max(other.abs());
                 measured = measured.max((host.last().speed[0].rpm() - rpm).abs());
             }
@@ -36,7 +36,7 @@ fn speeds_settle_at_their_targets_either_way_round() {
         assert_eq!(host.fault(), Fault::None);
         let counts = host.last().encoder.map(|counts| f64::from(counts.0));
         // The board counts two edges of four.
-        let truth = host.board.motors().each_ref().map(|motor| motor.encoder_counts() as f64 / 2.0);
+        let truth = host.board.rig().motors.each_ref().map(|motor| motor.encoder_counts() as f64 / 2.0);
         for (counts, truth) in counts.into_iter().zip(truth) {
             assert!((counts - truth).abs() < 20.0, "{counts} edges of {truth}");
         }
@@ -62,7 +62,7 @@ fn a_blocked_motor_is_a_fault_of_that_motor() {
             (host.board.cycle() - blocked) as f64 / 16e6
         );
         assert_eq!(host.fault(), fault);
-        assert_eq!(host.board.bridge().pwm, [0, 0]);
+        assert_eq!(host.board.rig().bridge.pwm, [0, 0]);
         host.board.block_motor(motor, false);
         host.order(Command::ClearFault);
         host.set_speeds([50.0, 50.0]);

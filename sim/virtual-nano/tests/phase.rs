@@ -44,10 +44,10 @@ const RIGS: [Rig; 4] = [
 impl Rig {
     fn ready(&self) -> Host {
         let mut host = Host::ready(BoardOptions::default());
-        for (motor, (load, dead_zone, time_constant_s)) in host.board.motors_mut().iter_mut().zip(self.motors) {
+        for (motor, (load, dead_zone, time_constant_s)) in host.board.rig_mut().motors.iter_mut().zip(self.motors) {
             let no_load_rpm = NO_LOAD_RPM * self.supply_v / 6.0 * load;
             let breakaway = 1.5 * dead_zone;
-            *motor.parameters_mut() =
+            motor.parameters =
                 MotorParameters { no_load_rpm, dead_zone, breakaway, time_constant_s, ..MotorParameters::default() };
         }
         if self.uneven_poles {
@@ -60,13 +60,13 @@ impl Rig {
 
 /// Angles of both shafts, degrees.
 fn angles_deg(host: &Host) -> [f64; 2] {
-    host.board.motors().each_ref().map(|motor| motor.counts() / COUNTS_PER_TURN * 360.0)
+    host.board.rig().motors.each_ref().map(|motor| motor.counts / COUNTS_PER_TURN * 360.0)
 }
 
 /// Returns the time at which the motors start, s.
 fn start(host: &mut Host, rpm: [f64; 2]) -> f64 {
     host.send(Command::SetSpeeds(rpm.map(CentiRpm::from_rpm)));
-    while host.board.bridge().pwm == [0, 0] {
+    while host.board.rig().bridge.pwm == [0, 0] {
         host.run_until(host.board.cycle() + MS / 50);
     }
     host.board.seconds()
@@ -152,7 +152,7 @@ fn a_motor_that_was_held_does_not_run_away_to_catch_up() {
         let (mut fastest, mut gained_deg, mut most_deg): (f64, f64, f64) = (0.0, 0.0, 0.0);
         for _ in 0..4000 {
             host.run_linked_ms(1);
-            let speed = host.board.motors()[0].speed_rpm() / rpm.signum();
+            let speed = host.board.rig().motors[0].speed_rpm / rpm.signum();
             fastest = fastest.max(speed);
             gained_deg += (speed - rpm.abs()) * 6e-3;
             most_deg = most_deg.max(gained_deg);
@@ -160,7 +160,7 @@ fn a_motor_that_was_held_does_not_run_away_to_catch_up() {
         println!("| held for 0.7 s at {rpm} rpm | {fastest:.0} rpm at most, {most_deg:.0}° made up | 150° |");
         assert_eq!(host.fault(), Fault::None);
         assert!(most_deg < 150.0, "{most_deg}°");
-        assert!((host.board.motors()[0].speed_rpm() - rpm).abs() < 0.5);
+        assert!((host.board.rig().motors[0].speed_rpm - rpm).abs() < 0.5);
     }
 }
 
@@ -185,19 +185,19 @@ fn shafts_turn_to_their_positions_and_stay() {
         for position in [[151, -301], [150, -290], [-452, 17], [-452, 16]] {
             let seconds = turn_to(&mut host, position, 10.0);
             let told = host.last().encoder.map(|counts| counts.0);
-            let angles = host.board.motors().each_ref().map(|motor| motor.counts() / 2.0);
+            let angles = host.board.rig().motors.each_ref().map(|motor| motor.counts / 2.0);
             println!("| {} | to {position:?} | {told:?} after {seconds:.1} s |", rig.name);
             for k in 0..2 {
                 assert!((told[k] - position[k]).abs() <= 2, "{told:?} for {position:?}");
                 // A count is a place between two edges of the encoder.
                 assert!((angles[k] - f64::from(told[k])).abs() <= 1.3, "{angles:?} {told:?}");
             }
-            assert_eq!((host.fault(), host.board.bridge().pwm), (Fault::None, [0, 0]));
+            assert_eq!((host.fault(), host.board.rig().bridge.pwm), (Fault::None, [0, 0]));
         }
         // Blocked on its way.
         host.inject("blocked=1");
         host.send(Command::TurnTo { position: [EncoderCounts(500); 2], speed: CentiRpm(1000) });
         host.run_linked_ms(3000);
-        assert_eq!((host.fault(), host.board.bridge().pwm), (Fault::Motor1Stalled, [0, 0]));
+        assert_eq!((host.fault(), host.board.rig().bridge.pwm), (Fault::Motor1Stalled, [0, 0]));
     }
 }

@@ -39,10 +39,10 @@ fn turned_deg(host: &Host) -> f64 {
 fn a_turn_by_hand_is_its_angle_times_scale_and_clock() {
     for (scale_z, clock, angle_deg) in [(0.0175, 0.0, 720.0), (-0.03, 0.004, 720.0), (0.0123, -0.005, -361.5)] {
         let gyro_scale = [0.021, -0.013, scale_z];
-        let mut host = in_hand(Errors { gyro_scale, board_clock_error: clock, ..Errors::default() });
+        let mut host = in_hand(Errors { gyro_scale, board_clock_error: clock, ..Errors::white() });
         let begin_s = host.board.seconds() + 0.2;
         let z = nalgebra::Vector3::z_axis();
-        host.board.change_imu(|imu| imu.source_mut().hand_mut().unwrap().turn(begin_s, z, angle_deg, 10.3));
+        host.board.change_imu(|imu| imu.source.hand_mut().unwrap().turn(begin_s, z, angle_deg, 10.3));
         let sum = sum_deg(&readings(&mut host, 11), 2);
         let yaw = turned_deg(&host);
         let expected = angle_deg * (1.0 + scale_z) * (1.0 + clock);
@@ -57,14 +57,14 @@ fn posed_on_its_side_the_gyroscope_reads_gravity() {
     let errors = Errors {
         gyro_g_dps: [[0.1, 0.0, -0.05], [-0.08, 0.0, 0.0], [0.0, 0.0, 0.06]],
         accel_scale: [-0.02, 0.0, 0.0],
-        ..Errors::default()
+        ..Errors::white()
     };
     let mut host = in_hand(errors);
     let mean = |rows: &[[f64; 3]]| [0, 1, 2].map(|i| rows.iter().map(|row| row[i]).sum::<f64>() / rows.len() as f64);
     let upright = mean(&readings(&mut host, 6));
     let now_s = host.board.seconds();
     let pose: Pose = "+x".parse().unwrap();
-    host.board.change_imu(|imu| imu.source_mut().hand_mut().unwrap().pose(now_s, pose, 1.2));
+    host.board.change_imu(|imu| imu.source.hand_mut().unwrap().pose(now_s, pose, 1.2));
     host.run_linked_ms(1500);
     let side = mean(&readings(&mut host, 6));
     println!("z up {upright:.4?}, x up {side:.4?} deg/s");
@@ -79,7 +79,7 @@ fn posed_on_its_side_the_gyroscope_reads_gravity() {
 #[test]
 fn the_program_reads_noise_of_the_data_sheets_density() {
     const SECONDS: u64 = 60;
-    let errors = Errors { sample_clock_error: 0.007, board_clock_error: -0.004, ..Errors::default() };
+    let errors = Errors { sample_clock_error: 0.007, board_clock_error: -0.004, ..Errors::white() };
     let rows = readings(&mut in_hand(errors), SECONDS);
     let squares: f64 = rows.chunks_exact(100).flat_map(|part| (0..3).map(|i| sum_deg(part, i).powi(2))).sum();
     // One-sided density / √2 is the walk in a root of a second; each sum is over half a second.

@@ -15,9 +15,8 @@
 use super::noise::Noise;
 use super::scale::{ACCEL_NOISE_G, GYRO_NOISE_DPS};
 
-/// The errors of a sensor and of the board's clock. `Default` has only the white noise of the data sheet. Meanings and
-/// units are the same as for the keys of a `sensor_file`.
-#[derive(Clone, PartialEq, Debug)]
+/// The errors of a sensor and of the board's clock. Meanings and units are the same as for the keys of a `sensor_file`.
+#[derive(Clone, PartialEq, Debug, Default)]
 #[expect(missing_docs, reason = "`sensor_file` says what each of them is")]
 pub struct Errors {
     pub gyro_scale: [f64; 3],
@@ -38,32 +37,6 @@ pub struct Errors {
     pub thermometer_lag_s: f64,
     pub sample_clock_error: f64,
     pub board_clock_error: f64,
-}
-
-impl Default for Errors {
-    fn default() -> Self {
-        let (none, no_matrix) = ([0.0; 3], [[0.0; 3]; 3]);
-        Self {
-            gyro_scale: none,
-            gyro_cross: no_matrix,
-            gyro_g_dps: no_matrix,
-            gyro_bias_dps: none,
-            gyro_drift_dps_per_c: none,
-            gyro_noise_dps_per_rt_hz: GYRO_NOISE_DPS,
-            gyro_walk_dps_per_rt_s: 0.0,
-            gyro_flicker_dps: none,
-            accel_scale: none,
-            accel_cross: no_matrix,
-            accel_bias_g: none,
-            accel_drift_g_per_c: none,
-            accel_noise_g_per_rt_hz: ACCEL_NOISE_G,
-            mounting_deg: none,
-            warming_c: 0.0,
-            thermometer_lag_s: 0.0,
-            sample_clock_error: 0.0,
-            board_clock_error: 0.0,
-        }
-    }
 }
 
 /// Numbers for the draws of [`Errors::ideal`].
@@ -104,6 +77,11 @@ mod typical {
 }
 
 impl Errors {
+    /// Returns the white noise of the data sheet alone.
+    pub fn white() -> Self {
+        Self { gyro_noise_dps_per_rt_hz: GYRO_NOISE_DPS, accel_noise_g_per_rt_hz: ACCEL_NOISE_G, ..Self::default() }
+    }
+
     /// Returns the errors of a part calibrated on a turntable: scales, axes and clocks are exact; biases are drawn from
     /// normal distributions, cut at three standard deviations, or at the data sheet's limit if that is less.
     pub fn ideal(seed: u64) -> Self {
@@ -118,7 +96,7 @@ impl Errors {
             accel_drift_g_per_c: three(ideal::ACCEL_DRIFT_G_PER_C).map(|drift: f64| drift.clamp(-limit, limit)),
             gyro_walk_dps_per_rt_s: ideal::GYRO_WALK_DPS,
             warming_c: draw(ideal::WARMING_C).abs(),
-            ..Self::default()
+            ..Self::white()
         }
     }
 
@@ -241,7 +219,7 @@ mod tests {
             assert!(ideal.gyro_drift_dps_per_c.iter().all(|drift| drift.abs() * 60.0 <= 20.0));
             assert!(ideal.accel_bias_g.iter().all(|bias| bias.abs() <= 0.05));
             assert!(ideal.accel_drift_g_per_c.iter().all(|drift| drift.abs() * 45.0 <= 0.0350001));
-            let exact = Errors { gyro_walk_dps_per_rt_s: ideal.gyro_walk_dps_per_rt_s, ..Errors::default() };
+            let exact = Errors { gyro_walk_dps_per_rt_s: ideal.gyro_walk_dps_per_rt_s, ..Errors::white() };
             let without_bias = Errors {
                 gyro_bias_dps: [0.0; 3],
                 gyro_drift_dps_per_c: [0.0; 3],

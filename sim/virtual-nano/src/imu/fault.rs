@@ -28,27 +28,15 @@ impl At {
 
 /// A fault.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Fault {
     /// That byte and all later ones of its transaction are not acknowledged. The part does not acknowledge bytes that
     /// it sends: this fault does not strike there.
-    Nack {
-        /// When.
-        at: At,
-        /// Number of transactions.
-        count: u32,
-    },
+    Nack { at: At, count: u32 },
     /// From that byte on the part no longer responds, as if its wires were cut: reading gives ones.
-    Gone(
-        /// When.
-        At,
-    ),
+    Gone(At),
     /// SDA is held low from that byte on.
-    Stuck {
-        /// When.
-        at: At,
-        /// Number of bit-banged SCL pulses that free it; `None` for ever.
-        clocks: Option<u8>,
-    },
+    Stuck { at: At, clocks: Option<u8> },
     /// The data registers keep their values.
     Frozen,
     /// The same, but DATA_RDY reports each sample as new.
@@ -58,10 +46,7 @@ pub enum Fault {
     /// Power fails for a moment: all registers have their reset values, and the part sleeps.
     Glitch,
     /// The same in the middle of a transaction.
-    GlitchAt(
-        /// When.
-        At,
-    ),
+    GlitchAt(At),
 }
 
 /// How the data registers follow the motion.

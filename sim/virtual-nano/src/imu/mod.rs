@@ -77,7 +77,8 @@ pub struct BusCount {
 pub struct Mpu6050 {
     registers: [u8; 128],
     id: u8,
-    source: Source,
+    /// The sensor's input.
+    pub source: Source,
     faults: Faults,
     phase: Phase,
     pointer: u8,
@@ -88,7 +89,7 @@ pub struct Mpu6050 {
     /// The time of the last address byte, s.
     time_s: f64,
     /// Fraction by which its own oscillator is too fast.
-    oscillator_error: f64,
+    pub oscillator_error: f64,
     in_transaction: bool,
     /// Bytes of this transaction so far, addresses included.
     byte: u8,
@@ -99,7 +100,7 @@ pub struct Mpu6050 {
 impl Mpu6050 {
     /// Returns a part that has just got power.
     pub fn new(id: u8, source: Source) -> Self {
-        let oscillator_error = source.part().errors().sample_clock_error;
+        let oscillator_error = source.part.errors.sample_clock_error;
         let mut part = Self {
             registers: [0; 128],
             id,
@@ -125,16 +126,6 @@ impl Mpu6050 {
         self.count
     }
 
-    /// Returns the sensor's input.
-    pub fn source(&self) -> &Source {
-        &self.source
-    }
-
-    /// Returns the sensor's input, to change it.
-    pub fn source_mut(&mut self) -> &mut Source {
-        &mut self.source
-    }
-
     /// Sets the value of WHO_AM_I.
     pub fn set_id(&mut self, id: u8) {
         self.id = id;
@@ -145,11 +136,6 @@ impl Mpu6050 {
     pub fn set_register_behind(&mut self, address: u8, value: u8) {
         self.registers[usize::from(address & 0x7F)] = value;
         self.count.faults += 1;
-    }
-
-    /// Makes its own oscillator too fast by this fraction, instead of the one in its errors.
-    pub fn set_oscillator_error(&mut self, fraction: f64) {
-        self.oscillator_error = fraction;
     }
 
     /// Adds a fault.
@@ -410,7 +396,7 @@ mod tests {
         let first = read::<14>(&mut part, 0.00501, 0x3B);
         assert_eq!(read::<14>(&mut part, 0.00999, 0x3B), first);
         assert_ne!(read::<14>(&mut part, 0.01001, 0x3B), first);
-        part.set_oscillator_error(-0.01);
+        part.oscillator_error = -0.01;
         let slow = read::<14>(&mut part, 0.0202, 0x3B);
         assert_ne!(slow, read::<14>(&mut part, 0.02021, 0x3B), "the fourth sample begins after 20.202 ms");
     }

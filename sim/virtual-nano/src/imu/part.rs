@@ -14,9 +14,10 @@ const WARMING_S: f64 = 150.0;
 pub const ROOM_C: f64 = 25.0;
 
 /// A part.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Part {
-    errors: Errors,
+    /// Its errors.
+    pub errors: Errors,
     /// From the sensor's axes to the body's.
     mounting: Rotation3<f64>,
     /// Fraction by which both sensors read too much beside their errors: a fault.
@@ -48,23 +49,7 @@ impl Part {
     /// Returns a part that has just got power.
     pub fn new(errors: Errors) -> Self {
         let mounting = Rotation3::new(Vector3::from(errors.mounting_deg).map(f64::to_radians));
-        Self {
-            errors,
-            mounting,
-            scale: 0.0,
-            askew: 0.0,
-            walked_dps: [0.0; 3],
-            walked_until_s: 0.0,
-            flicker: Default::default(),
-            thermometer: None,
-            gyro_noise: Default::default(),
-            accel_noise: Default::default(),
-        }
-    }
-
-    /// Returns its errors.
-    pub fn errors(&self) -> &Errors {
-        &self.errors
+        Self { errors, mounting, ..Self::default() }
     }
 
     /// Returns its measurement of a movement of the body, in its own axes, without white noise. Times must not
@@ -165,7 +150,7 @@ mod tests {
                 warming_c: 1.0,
                 gyro_drift_dps_per_c: [0.1, 0.0, 0.0],
                 gyro_walk_dps_per_rt_s: 1e-4,
-                ..Errors::default()
+                ..Errors::white()
             });
             assert!((part.temperature_c(150.0, 20.0) - 20.632).abs() < 1e-3);
             let mut gyro = [0.0; 3];
@@ -188,10 +173,10 @@ mod tests {
         let near = |read: [f64; 3], expected: [f64; 3]| {
             (0..3).for_each(|i| assert!((read[i] - expected[i]).abs() < 1e-9, "{read:?}, not {expected:?}"));
         };
-        let ideal = measure(Errors::default());
+        let ideal = measure(Errors::white());
         assert_eq!((ideal.rate_dps, ideal.force_g, ideal.temperature_c), (rate, force, ROOM_C));
         let with = |change: fn(&mut Errors)| {
-            let mut errors = Errors::default();
+            let mut errors = Errors::white();
             change(&mut errors);
             measure(errors)
         };
@@ -218,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_thermometer_lags_behind_what_drives_the_bias() {
-        let errors = Errors { thermometer_lag_s: 10.0, gyro_drift_dps_per_c: [1.0, 0.0, 0.0], ..Errors::default() };
+        let errors = Errors { thermometer_lag_s: 10.0, gyro_drift_dps_per_c: [1.0, 0.0, 0.0], ..Errors::white() };
         let (mut part, mut noise) = (Part::new(errors), Noise::new(1));
         let mut at = |time_s: f64, temperature_c| {
             part.measure(&Movement { temperature_c, ..Movement::default() }, time_s, &mut noise)
@@ -239,7 +224,7 @@ mod tests {
             gyro_noise_dps_per_rt_hz: 0.01,
             accel_noise_g_per_rt_hz: 1e-3,
             gyro_flicker_dps: [0.0, 0.05, 0.0],
-            ..Errors::default()
+            ..Errors::white()
         };
         let (mut part, mut noise) = (Part::new(errors), Noise::new(1));
         let low_pass = crate::imu::scale::LOW_PASS[3];

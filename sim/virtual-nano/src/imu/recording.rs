@@ -43,33 +43,17 @@ pub struct Recording {
 
 /// Why a file is not a recording.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RecordingError {
     /// Not readable.
     #[error("cannot read {path}: {source}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
+    Unreadable { path: PathBuf, source: std::io::Error },
     /// A line that does not fit.
     #[error("{path}, line {line}: {problem}")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Counted from 1.
-        line: usize,
-        /// Why it is wrong.
-        problem: String,
-    },
+    Line { path: PathBuf, line: usize, problem: String },
     /// Too little in it.
     #[error("{path}: {problem}")]
-    Incomplete {
-        /// The file.
-        path: PathBuf,
-        /// The missing column or header.
-        problem: &'static str,
-    },
+    Incomplete { path: PathBuf, problem: &'static str },
 }
 
 impl Recording {

@@ -36,9 +36,10 @@ enum Kind {
 pub struct Source {
     kind: Kind,
     noise: Noise,
-    part: Part,
+    /// The part, with its deviations from an ideal sensor.
+    pub part: Part,
     /// A turn about z beside everything else, °/s.
-    spin_dps: f64,
+    pub spin_dps: f64,
 }
 
 /// A table that turns about the vertical, with the sensor fixed to it.
@@ -81,7 +82,7 @@ impl Source {
 
     /// Returns a sensor on a turntable, with noise as its only error.
     pub fn turntable(table: Turntable, seed: u64) -> Self {
-        Self::new(Kind::Turntable(table), Errors::default(), seed)
+        Self::new(Kind::Turntable(table), Errors::white(), seed)
     }
 
     /// Returns a sensor on a simulated robot. The seed gives the noise.
@@ -91,7 +92,7 @@ impl Source {
 
     /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
-        Self::new(Kind::Recording { recording, started_s: None, play: false }, Errors::default(), seed)
+        Self::new(Kind::Recording { recording, started_s: None, play: false }, Errors::white(), seed)
     }
 
     /// Starts the recording with the next sample. Returns its duration in s, `None` without a recording.
@@ -136,21 +137,6 @@ impl Source {
             Kind::Plant(plant) => Some(plant),
             _ => None,
         }
-    }
-
-    /// Returns the part, with its deviations from an ideal sensor.
-    pub fn part(&self) -> &Part {
-        &self.part
-    }
-
-    /// Returns the part, to change it.
-    pub fn part_mut(&mut self) -> &mut Part {
-        &mut self.part
-    }
-
-    /// Adds a turn about z to everything else, °/s.
-    pub fn spin(&mut self, dps: f64) {
-        self.spin_dps = dps;
     }
 
     /// Returns the sample at this time of the board, with these settings of the part.
@@ -303,10 +289,10 @@ mod tests {
             change(&mut source);
             source.read(0.0, GYRO[0], ACCEL[0], LOW_PASS[6]).gyro.map(f64::from)
         };
-        let scaled = read(&|source| source.part_mut().scale = 0.03);
+        let scaled = read(&|source| source.part.scale = 0.03);
         assert!((scaled[2] - 13493.0).abs() < 10.0, "{scaled:?}");
-        let askew = read(&|source| (source.part_mut().scale, source.part_mut().askew) = (0.0, 0.02));
+        let askew = read(&|source| (source.part.scale, source.part.askew) = (0.0, 0.02));
         assert!((askew[1] - 262.0).abs() < 10.0 && (askew[2] - 13100.0).abs() < 10.0, "{askew:?}");
-        assert_eq!(read(&|source| source.spin(-400.0))[2], f64::from(i16::MIN));
+        assert_eq!(read(&|source| source.spin_dps = -400.0)[2], f64::from(i16::MIN));
     }
 }

@@ -205,7 +205,7 @@ impl Host {
 
     /// Runs, cycle by cycle, until the chip has got the last byte that was sent to it. Returns when.
     pub fn run_until_heard(&mut self) -> u64 {
-        while self.board.serial().waiting() > 0 {
+        while self.board.rig().serial.waiting() > 0 {
             let next = self.board.cycle() + 16;
             self.board.run_until(next);
             self.listen();
@@ -216,8 +216,8 @@ impl Host {
     /// Runs, cycle by cycle, until both PWM pins are low. Returns when.
     pub fn run_until_off(&mut self, limit: u64) -> u64 {
         let end = self.board.cycle() + limit;
-        while self.board.bridge().pwm != [0, 0] {
-            assert!(self.board.cycle() < end, "the motors go on: {:?}", self.board.bridge());
+        while self.board.rig().bridge.pwm != [0, 0] {
+            assert!(self.board.cycle() < end, "the motors go on: {:?}", self.board.rig().bridge);
             let next = self.board.cycle() + 16;
             self.board.run_until(next);
             self.listen();

@@ -123,7 +123,7 @@ fn a_resonator_off_by_half_a_percent_changes_nothing_but_the_clock() {
         host.run_linked_ms(4000);
         let ratio = f64::from(host.last().time.since(begin)) * 1e-6 / (host.board.seconds() - begin_s);
         // The board takes its own seconds for seconds.
-        let rpm = host.board.motors()[0].speed_rpm();
+        let rpm = host.board.rig().motors[0].speed_rpm;
         row(
             format!("resonator {percent:+} %"),
             format!("clock {:+.2} %, 50 rpm are {rpm:.2}", 100.0 * (ratio - 1.0)),
@@ -144,7 +144,7 @@ fn a_ping_tells_when_it_was_read() {
         let begin = host.board.cycle();
         let answer = host.ask(Command::Ping);
         let Reply::Pong(time) = answer else { panic!("{answer:?}") };
-        let sent = host.board.clock().at(begin).unwrap();
+        let sent = host.board.rig().clock.at(begin).unwrap();
         (least, most) = (least.min(time.since(sent)), most.max(time.since(sent)));
     }
     // Six bytes last 120 us.
@@ -262,7 +262,7 @@ fn a_brown_out_as_soon_as_a_motor_is_on_leaves_a_trace() {
         for ms in [1, 2, 3] {
             let mut host = Host::ready(BoardOptions::default());
             host.send(command);
-            while host.board.bridge().pwm == [0, 0] {
+            while host.board.rig().bridge.pwm == [0, 0] {
                 host.run_until(host.board.cycle() + MS / 50);
             }
             host.run_ms(ms);
@@ -291,6 +291,6 @@ fn a_hang_with_interrupts_off_behind_the_old_bootloader_leaves_the_motors_off() 
     );
     for _ in 0..300 {
         host.board.run_for(10 * MS);
-        assert_eq!(host.board.bridge().pwm, [0, 0]);
+        assert_eq!(host.board.rig().bridge.pwm, [0, 0]);
     }
 }

@@ -97,10 +97,10 @@ fn a_speed_is_never_read_half() {
     host.run_linked_ms(2000);
     for (motor, rpm) in [(0, 90.0), (1, -87.0)] {
         let before = host.last().encoder[motor].0;
-        let truth = host.board.motors()[motor].counts();
+        let truth = host.board.rig().motors[motor].counts;
         let speeds = watch(&mut host, motor, rpm, 10_000);
         let counted = f64::from(host.last().encoder[motor].0.wrapping_sub(before));
-        let turned = (host.board.motors()[motor].counts() - truth) / 2.0;
+        let turned = (host.board.rig().motors[motor].counts - truth) / 2.0;
         row(
             format!("motor {} at {rpm} rpm for 10 s", motor + 1),
             format!("told within {:.2} rpm, {counted} edges of {turned:.0}", speeds.worst_measured),

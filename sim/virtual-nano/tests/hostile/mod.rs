@@ -33,7 +33,7 @@ fn turning(rpm: [f64; 2]) -> Host {
 fn off_after(host: &mut Host, limit_s: f64) -> Option<f64> {
     let begin = host.board.seconds();
     while host.board.seconds() - begin < limit_s {
-        if host.board.bridge().pwm == [0, 0] {
+        if host.board.rig().bridge.pwm == [0, 0] {
             return Some(host.board.seconds() - begin);
         }
         host.run_linked_ms(1);
@@ -85,7 +85,7 @@ fn watch(host: &mut Host, motor: usize, rpm: f64, ms: u64) -> Speeds {
             host.send(protocol::Command::Ping);
         }
         host.run_until(host.board.cycle() + MS);
-        let speed = host.board.motors()[motor].speed_rpm();
+        let speed = host.board.rig().motors[motor].speed_rpm;
         sum += speed;
         worst = worst.max((speed - rpm).abs());
         let error = (host.last().speed[motor].rpm() - rpm).abs();

@@ -52,7 +52,7 @@ fn a_blocked_rotor_stops_within_a_second_of_a_duty_that_would_turn_it() {
         for rpm in [10.0, 20.0, -50.0, 90.0] {
             let mut host = asked_with(fault, [rpm, 0.0]);
             let begin_s = host.board.seconds();
-            while host.board.bridge().pwm[0] < MOVES && host.board.bridge().pwm[0] > 0 {
+            while host.board.rig().bridge.pwm[0] < MOVES && host.board.rig().bridge.pwm[0] > 0 {
                 host.run_linked_ms(1);
             }
             let ramp_s = host.board.seconds() - begin_s;
@@ -92,7 +92,7 @@ fn a_blocked_motor_that_is_driven_again_and_again_does_not_burn() {
             host.send(Command::Drive { duty: [Duty(0), Duty(-255)], duration_ms: 2000 });
         }
         host.run_ms(1);
-        on_ms += u64::from(host.board.bridge().pwm[1] > 0);
+        on_ms += u64::from(host.board.rig().bridge.pwm[1] > 0);
         named |= host.fault() == Fault::Motor2Overloaded;
     }
     // A third of the current is a ninth of the heat.
@@ -172,11 +172,11 @@ fn a_reversal_is_no_fault() {
         for _ in 0..2500 {
             host.run_linked_ms(1);
             // Both motors have the same.
-            if let Drive::Voltage(fraction) = host.board.bridge().drive[0] {
-                current = current.max((fraction - host.board.motors()[0].speed_rpm() / NO_LOAD_RPM).abs());
+            if let Drive::Voltage(fraction) = host.board.rig().bridge.drive[0] {
+                current = current.max((fraction - host.board.rig().motors[0].speed_rpm / NO_LOAD_RPM).abs());
             }
         }
-        let speeds = host.board.motors().each_ref().map(|motor| motor.speed_rpm());
+        let speeds = host.board.rig().motors.each_ref().map(|motor| motor.speed_rpm);
         row(
             format!("from {from} to {to} rpm at once"),
             format!(
@@ -196,7 +196,7 @@ fn a_reversal_is_no_fault() {
 #[test]
 fn the_bridge_gets_its_pwm_at_977_hz() {
     let host = turning([50.0, 50.0]);
-    let [a, b] = host.board.bridge().pwm_hz;
+    let [a, b] = host.board.rig().bridge.pwm_hz;
     row("PWM", format!("{a:.1} and {b:.1} Hz"), "977 Hz, of the bridge's 100 kHz at most");
     assert!([a, b].iter().all(|hz| (hz - 976.5625).abs() < 1.0));
 }

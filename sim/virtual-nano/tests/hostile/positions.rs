@@ -13,7 +13,7 @@ const WITHIN: f64 = 1.5;
 
 fn shafts(host: &Host) -> [f64; 2] {
     // The board counts two edges of four.
-    host.board.motors().each_ref().map(|motor| motor.counts() / 2.0)
+    host.board.rig().motors.each_ref().map(|motor| motor.counts / 2.0)
 }
 
 /// Something that turns a shaft, or does not.

@@ -115,7 +115,7 @@ fn lose_link(host: &mut Host) {
     host.order(Command::SetSpeeds([CentiRpm(3000); 2]));
     // They turn from the next tick on.
     host.run_ms(10);
-    while !host.board.bridge().pwm.iter().all(|duty| *duty == 0) {
+    while !host.board.rig().bridge.pwm.iter().all(|duty| *duty == 0) {
         host.run_ms(1);
     }
 }

@@ -35,7 +35,7 @@ fn run(width_us: f64, rpm: f64, (cables, channel): (u8, u8), ms: u64) -> Run {
     host.set_speeds(rpm);
     host.run_linked_ms(2000);
     let begin = host.last();
-    let counts = |host: &Host| host.board.motors().each_ref().map(|motor| motor.counts() / 2.0);
+    let counts = |host: &Host| host.board.rig().motors.each_ref().map(|motor| motor.counts / 2.0);
     let (from, first) = (counts(&host), host.telemetry.len());
     host.run_linked_ms(ms);
     let (end, to) = (host.last(), counts(&host));
@@ -89,15 +89,15 @@ fn pwm_spikes_leave_speed_and_position_right_while_the_motors_turn_round() {
     for (width_us, cable) in [(10.0, (1, 1)), (45.0, (1, 0))] {
         let mut host = Host::ready(BoardOptions::default());
         host.inject(&format!("pwm-spikes={width_us},{},{}", cable.0, cable.1));
-        let shafts = |host: &Host| host.board.motors().each_ref().map(|motor| (motor.counts() / 2.0).round());
+        let shafts = |host: &Host| host.board.rig().motors.each_ref().map(|motor| (motor.counts / 2.0).round());
         let (begin, from) = (host.last(), shafts(&host));
         let mut worst: f64 = 0.0;
         for turn in 0..20 {
             host.set_speeds([[37.3, -61.7], [-61.7, 37.3]][turn % 2]);
             for _ in 0..58 {
                 host.run_linked_ms(5);
-                for (motor, told) in host.board.motors().iter().zip(host.last().speed) {
-                    worst = worst.max((told.rpm() - motor.speed_rpm()).abs());
+                for (motor, told) in host.board.rig().motors.iter().zip(host.last().speed) {
+                    worst = worst.max((told.rpm() - motor.speed_rpm).abs());
                 }
             }
         }

@@ -21,10 +21,10 @@ fn a_register_that_changes_is_put_right_within_a_second() {
     for (address, value) in [(0x19, 0x04), (0x1A, 0x06), (0x1B, 0x18), (0x1C, 0x18), (0x6B, 0x40)] {
         let mut host = Host::ready(BoardOptions::default());
         host.run_linked_ms(1000);
-        let right = host.board.imu().register(address);
+        let right = host.board.rig().imu.register(address);
         let errors = host.last().imu_errors;
         host.inject(&format!("register={address:#x},{value:#x}"));
-        let put_right_s = until(&mut host, 3.0, |host| host.board.imu().register(address) == right);
+        let put_right_s = until(&mut host, 3.0, |host| host.board.rig().imu.register(address) == right);
         host.run_linked_ms(300);
         let counted = host.last().imu_errors != errors;
         row(
@@ -46,7 +46,7 @@ fn set_up_resets_the_sensor() {
     host.hello();
     host.stream();
     host.run_ms(500);
-    let (resets, value) = (host.board.imu().count().resets, host.board.imu().register(FIFO_EN));
+    let (resets, value) = (host.board.rig().imu.count().resets, host.board.rig().imu.register(FIFO_EN));
     row("a register from before the start", format!("{resets} resets, reads {value:#04x}"), "reset, 0x00");
     assert!(resets >= 1 && value == 0 && host.last().imu_fresh);
 }
@@ -144,7 +144,7 @@ fn a_slow_bus_is_read_more_slowly() {
         host.run_linked_ms(1500);
         host.telemetry.clear();
         host.run_linked_ms(1000);
-        let (share, worst) = (fresh(&host.telemetry), host.board.marks().tick().worst);
+        let (share, worst) = (fresh(&host.telemetry), host.board.rig().marks.tick.worst);
         row(
             format!("SCL rises in {us} us"),
             format!("{:?}, {:.1} % fresh, worst tick {worst} cycles", host.fault(), 100.0 * share),
