@@ -126,38 +126,22 @@ pub fn event(kind: Kind, text: &str) -> biflag::Event {
     biflag::Event { kind: kind.into(), text: text.to_owned() }
 }
 
+/// Returns the log's value of the same name.
+macro_rules! by_name {
+    ($value:expr, $kind:ident: $($name:ident),* $(,)?) => {
+        match $value { $($kind::$name => biflag::$kind::$name),* }
+    };
+}
+
 fn state(state: State) -> biflag::State {
-    match state {
-        State::Idle => biflag::State::Idle,
-        State::Calibrating => biflag::State::Calibrating,
-        State::Running => biflag::State::Running,
-        State::Driving => biflag::State::Driving,
-        State::Faulted => biflag::State::Faulted,
-    }
+    by_name!(state, State: Idle, Calibrating, Running, Driving, Faulted)
 }
 
 fn fault(fault: Fault) -> biflag::Fault {
-    match fault {
-        Fault::None => biflag::Fault::None,
-        Fault::LinkLost => biflag::Fault::LinkLost,
-        Fault::Hang => biflag::Fault::Hang,
-        Fault::Panic => biflag::Fault::Panic,
-        Fault::ImuSilent => biflag::Fault::ImuSilent,
-        Fault::ImuBusStuck => biflag::Fault::ImuBusStuck,
-        Fault::ImuFrozen => biflag::Fault::ImuFrozen,
-        Fault::Motor1Stalled => biflag::Fault::Motor1Stalled,
-        Fault::Motor2Stalled => biflag::Fault::Motor2Stalled,
-        Fault::ImuLostConfig => biflag::Fault::ImuLostConfig,
-        Fault::SupplyLow => biflag::Fault::SupplyLow,
-        Fault::Motor1Runaway => biflag::Fault::Motor1Runaway,
-        Fault::Motor2Runaway => biflag::Fault::Motor2Runaway,
-        Fault::Motor1Overloaded => biflag::Fault::Motor1Overloaded,
-        Fault::Motor2Overloaded => biflag::Fault::Motor2Overloaded,
-        Fault::Encoder1Failed => biflag::Fault::Encoder1Failed,
-        Fault::Encoder2Failed => biflag::Fault::Encoder2Failed,
-        Fault::Encoder1Noisy => biflag::Fault::Encoder1Noisy,
-        Fault::Encoder2Noisy => biflag::Fault::Encoder2Noisy,
-    }
+    by_name!(fault, Fault:
+        None, LinkLost, Hang, Panic, ImuSilent, ImuBusStuck, ImuFrozen, ImuLostConfig, SupplyLow, Motor1Stalled, Motor2Stalled,
+        Motor1Runaway, Motor2Runaway, Motor1Overloaded, Motor2Overloaded, Encoder1Failed, Encoder2Failed, Encoder1Noisy,
+        Encoder2Noisy)
 }
 
 fn vector([x, y, z]: [f64; 3]) -> Vector {
