@@ -4,9 +4,12 @@
 //! no sweep again. Its seam is one way: it takes trials, comparisons and tables from the crate `study` and computes no
 //! result of its own, so that a page cannot say another number than a command.
 
+mod error;
 pub mod figure;
 pub mod film;
 pub mod report;
 mod swept;
 mod ticks;
 mod viridis;
+
+pub use error::PageError;

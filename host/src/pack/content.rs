@@ -3,13 +3,14 @@
 use super::error::PackError;
 use super::readme::{self, About};
 use crate::export::{Format, export_session};
-use crate::figure::{self, COLUMN_MM, FigureError, Subject};
+use crate::figure::{self, COLUMN_MM, Subject};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report::{self, Kind};
 use crate::session::{MANIFEST, Session, TrialState};
 use crate::text;
 use crate::trial::LogFinding;
+use page::PageError;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -182,7 +183,7 @@ impl Content {
                 Ok(()) => {
                     self.add(format!("figures/{name}"), folder.join(&name), "Yaw, pitch and roll of a trial over time")
                 }
-                Err(FigureError::Nothing { .. }) => {}
+                Err(PageError::Nothing { .. }) => {}
                 Err(error) => return Err(error.into()),
             }
         }
@@ -190,7 +191,7 @@ impl Content {
         match figure::map(session, None, false, &[], COLUMN_MM).and_then(|figure| figure.write(&map)) {
             Ok(()) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
             // Most sessions have too few speeds.
-            Err(FigureError::NoMap { .. }) => {}
+            Err(PageError::NoMap { .. }) => {}
             Err(error) => return Err(error.into()),
         }
         Ok(())

@@ -1,11 +1,10 @@
 //! Errors of packing.
 
 use crate::export::ExportError;
-use crate::figure::FigureError;
 use crate::plan::PlanError;
-use crate::report::ReportError;
 use crate::session::SessionError;
 use miette::Diagnostic;
+use page::PageError;
 use std::io;
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
@@ -13,22 +12,15 @@ use thiserror::Error;
 
 /// Why a session was not packed.
 #[derive(Error, Diagnostic, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum PackError {
     /// A file of the session cannot be read.
     #[error("{}: cannot be read", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// A file of the session has changed meanwhile.
     #[error("{}: has changed while it was packed", path.display())]
     #[diagnostic(help("pack the session again once no program writes into it"))]
-    Changed {
-        /// The file.
-        path: PathBuf,
-    },
+    Changed { path: PathBuf },
     /// The archive cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -41,18 +33,14 @@ pub enum PackError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Plan(#[from] PlanError),
-    /// The page cannot be written.
+    /// A page or a figure cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Report(#[from] ReportError),
+    Page(#[from] PageError),
     /// A table cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Export(#[from] ExportError),
-    /// A figure cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Figure(#[from] FigureError),
 }
 
 impl PackError {

@@ -1,15 +1,14 @@
 //! How the flagella of a modelled trial come together: their gap, how they wind around each other, and a ribbon that says when
 //! they are apart, in touch and bundled.
 
-use super::FigureError;
-use super::panel::{Axis, Panel};
+use super::forces::range;
+use super::panel::{Axis, LEFT_MM, Panel, RIGHT_MM};
 use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke};
+use crate::PageError;
 use sim::contact::bundling::Bundling;
 use sim::trial::quantity::{MIN_GAP, WINDING};
 use study::trial::Data;
 
-const LEFT_MM: f64 = 13.0;
-const RIGHT_MM: f64 = 3.0;
 const PANEL_MM: f64 = 24.0;
 const RIBBON_MM: f64 = 3.0;
 
@@ -23,19 +22,12 @@ const RIBBON: [(Bundling, &str, &str); 3] = [
 /// Draws gap, winding and ribbon of a trial.
 ///
 /// # Errors
-/// [`FigureError::NoForces`] if the log has none: only a model knows them; [`FigureError::Nothing`] if no sample lies in the
+/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
 /// time.
-pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, FigureError> {
-    if data.forces.is_empty() {
-        return Err(FigureError::NoForces { path: data.path.clone() });
-    }
-    let start = data.times.run.start;
-    let times = &data.forces.time_s;
-    let [from, to] = time_s.unwrap_or([times[0] - start, times[times.len() - 1] - start]);
+pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
+    let [from, to] = range(data, time_s)?;
+    let (start, times) = (data.times.run.start, &data.forces.time_s);
     let shown = |time: &f64| (from..=to).contains(&(time - start));
-    if !times.iter().any(shown) {
-        return Err(FigureError::Nothing { path: data.path.clone() });
-    }
     let mut sheet = Sheet::new(width_mm);
     let x = Axis::new(from, to.max(from + 1e-3), "Time from the start of the run (s)");
     let mut top = 3.0 * MM;
@@ -44,14 +36,8 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
         let is_last = of.in_sample() == WINDING.in_sample();
         let values = times.iter().zip(&data.forces.values[of.in_sample()][0]).filter(|(time, _)| shown(time));
         let curve: Vec<[f64; 2]> = values.map(|(time, value)| [time - start, value * scale]).collect();
-        let panel = Panel {
-            x: x.clone(),
-            y: Axis::about(curve.iter().map(|[_, value]| *value), least, label),
-            left: LEFT_MM * MM,
-            top,
-            width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
-            height: PANEL_MM * MM,
-        };
+        let y = Axis::about(curve.iter().map(|[_, value]| *value), least, label);
+        let panel = Panel::across(&sheet, x.clone(), y, top, PANEL_MM);
         panel.frame(&mut sheet, is_last);
         sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
         panel.curve(&mut sheet, &curve, Stroke(MEASURED, 0.8, ""));

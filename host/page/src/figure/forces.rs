@@ -1,33 +1,39 @@
 //! The forces of both flagella on the base over a trial, in body axes; z is the thrust.
 
-use super::FigureError;
-use super::panel::{Axis, Panel};
+use super::panel::{Axis, LEFT_MM, Panel};
 use super::sheet::{FLAGELLA, MM, Sheet, Stroke};
+use crate::PageError;
 use sim::trial::quantity::FORCE;
 use study::trial::Data;
 
-const LEFT_MM: f64 = 13.0;
-const RIGHT_MM: f64 = 3.0;
 const PANEL_MM: f64 = 24.0;
+
+/// Returns the time to draw, s from the start of the run, or that of all forces.
+///
+/// # Errors
+/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// time.
+pub(super) fn range(data: &Data, time_s: Option<[f64; 2]>) -> Result<[f64; 2], PageError> {
+    let (path, times) = (|| data.path.clone(), data.forces.time_s.iter().map(|time| time - data.times.run.start));
+    let [Some(first), Some(last)] = [times.clone().next(), times.clone().next_back()] else {
+        return Err(PageError::NoForces { path: path() });
+    };
+    let [from, to] = time_s.unwrap_or([first, last]);
+    let is_seen = times.clone().any(|time| (from..=to).contains(&time));
+    is_seen.then_some([from, to]).ok_or_else(|| PageError::Nothing { path: path() })
+}
 
 /// Draws the forces of a trial.
 ///
 /// # Errors
-/// [`FigureError::NoForces`] if the log has none: only a model knows them; [`FigureError::Nothing`] if no sample lies in the
+/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
 /// time.
-pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, FigureError> {
-    if data.forces.is_empty() {
-        return Err(FigureError::NoForces { path: data.path.clone() });
-    }
-    let start = data.times.run.start;
-    let times = &data.forces.time_s;
+pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
+    let [from, to] = range(data, time_s)?;
+    let (start, times) = (data.times.run.start, &data.forces.time_s);
     let mut sheet = Sheet::new(width_mm);
     let strokes = FLAGELLA.map(|colour| Stroke(colour, 0.8, ""));
     sheet.legend(LEFT_MM * MM, 3.2 * MM, &[(strokes[0], "flagellum 1"), (strokes[1], "flagellum 2")]);
-    let [from, to] = time_s.unwrap_or([times[0] - start, times[times.len() - 1] - start]);
-    if !times.iter().any(|time| (from..=to).contains(&(time - start))) {
-        return Err(FigureError::Nothing { path: data.path.clone() });
-    }
     let x = Axis::new(from, to.max(from + 1e-3), "Time from the start of the run (s)");
     let mut top = 5.0 * MM;
     for (axis, label) in ["Force x (mN)", "Force y (mN)", "Force z (mN)"].into_iter().enumerate() {
@@ -36,14 +42,8 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
             let points = times.iter().zip(forces).map(|(time, force)| [time - start, force * 1e3]);
             points.filter(|[time, _]| (from..=to).contains(time)).collect()
         });
-        let panel = Panel {
-            x: x.clone(),
-            y: Axis::about(curves.iter().flatten().map(|[_, force]| *force), 0.1, label),
-            left: LEFT_MM * MM,
-            top,
-            width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
-            height: PANEL_MM * MM,
-        };
+        let y = Axis::about(curves.iter().flatten().map(|[_, force]| *force), 0.1, label);
+        let panel = Panel::across(&sheet, x.clone(), y, top, PANEL_MM);
         panel.frame(&mut sheet, axis == 2);
         sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
         for (curve, stroke) in curves.iter().zip(strokes) {

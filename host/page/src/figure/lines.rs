@@ -1,10 +1,8 @@
 //! A result of a sweep over one input, a curve for each value of another.
 
-use super::panel::{Axis, Panel};
+use super::panel::{Axis, LEFT_MM, Panel};
 use super::sheet::{Anchor, FONT_PT, MM, Sheet, Stroke};
 
-const LEFT_MM: f64 = 13.0;
-const RIGHT_MM: f64 = 3.0;
 const PANEL_MM: f64 = 52.0;
 
 /// The colours of Okabe and Ito, for any colour vision; later curves are dashed.
@@ -40,14 +38,7 @@ pub(super) fn draw(curves: &[Curve], [x, y]: [&str; 2], by: &str, under: &[Strin
     let values: Vec<f64> = points().flat_map(ends).collect();
     let xs: Vec<f64> = points().map(|point| point.x).collect();
     let rows = legend(&mut sheet, curves, by);
-    let panel = Panel {
-        x: axis(&xs, x),
-        y: axis(&values, y),
-        left: LEFT_MM * MM,
-        top: 2.0 * MM + rows * 1.5 * FONT_PT,
-        width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
-        height: PANEL_MM * MM,
-    };
+    let panel = Panel::across(&sheet, axis(&xs, x), axis(&values, y), 2.0 * MM + rows * 1.5 * FONT_PT, PANEL_MM);
     panel.frame(&mut sheet, true);
     sheet.upright(3.2 * MM, panel.top + 0.5 * panel.height, y);
     for (k, curve) in curves.iter().enumerate() {

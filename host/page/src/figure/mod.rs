@@ -22,12 +22,10 @@ pub use output::Format;
 use sweep::Steady;
 pub use sweep::{Lines, lines};
 
-use crate::film::FilmError;
+use crate::PageError;
 use crate::swept;
-use biflag_log::similar::did_you_mean;
-use biflag_log::{LogError, Origin};
+use biflag_log::Origin;
 use map::{Map, Mark, Point};
-use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
@@ -35,13 +33,12 @@ use sim::steady::phase::Ratio;
 use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use study::output::{OutputError, replace};
-use study::plan::{PlanError, robot};
+use study::output::replace;
+use study::plan::robot;
 use study::run::model::has_phases;
-use study::session::{Attempt, Session, SessionError, TrialState};
+use study::session::{Attempt, Session, TrialState};
 use study::trial::{AtSpeeds, FindingKind, Judged, LogFinding, Want, mean_of_repeats};
-use study::twin::{self, Compared, Maker, OnMismatch, Pairs, Source, TwinError};
-use thiserror::Error;
+use study::twin::{self, Compared, Maker, OnMismatch, Pairs, Source};
 
 /// Width of a column in many journals, mm.
 pub const COLUMN_MM: f64 = 88.0;
@@ -51,116 +48,6 @@ pub const WIDTHS_MM: RangeInclusive<f64> = 60.0..=400.0;
 
 /// Possible numbers of moments in a strip.
 pub const MOMENTS: RangeInclusive<i64> = 2..=12;
-
-/// Why a figure was not drawn.
-#[derive(Error, Diagnostic, Debug)]
-pub enum FigureError {
-    /// The log has no forces.
-    #[error("{}: contains no forces", path.display())]
-    #[diagnostic(code(wrong_use), help("name a log of the model: `biflag simulate --from LOG` replays a recording"))]
-    NoForces {
-        /// The log.
-        path: PathBuf,
-    },
-    /// The trial has no data in the time range.
-    #[error("{}: nothing to draw in this time", path.display())]
-    #[diagnostic(code(wrong_use), help("name a time within the trial, counted from the start of its run"))]
-    Nothing {
-        /// The log.
-        path: PathBuf,
-    },
-    /// A map needs points at different speeds.
-    #[error("{}: no map: fewer than two speeds of a flagellum have steady angles{found}", path.display())]
-    #[diagnostic(code(wrong_use), help("name a session whose trials differ in the speeds of both flagella"))]
-    NoMap {
-        /// The session.
-        path: PathBuf,
-        /// What was found about its trials, if it is grave.
-        found: String,
-    },
-    /// The table of a sweep cannot be drawn so.
-    #[error("{}: {reason}", path.display())]
-    #[diagnostic(code(wrong_use), help("{help}"))]
-    Swept {
-        /// The table.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-        /// What to do.
-        help: String,
-    },
-    /// A session has several trials.
-    #[error("{}: is a session, and the figure shows one trial", path.display())]
-    #[diagnostic(
-        code(wrong_use),
-        help("name the trial by its number, such as `biflag figure trial SESSION 1`, or name its log")
-    )]
-    WhichTrial {
-        /// The session.
-        path: PathBuf,
-    },
-    /// A log has one trial.
-    #[error("{}: is no session folder, so that its trials have no numbers", path.display())]
-    #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "leave the number out, or name the session's folder")))]
-    NoNumber {
-        /// The log.
-        path: PathBuf,
-    },
-    /// The session has no log of the trial.
-    #[error("{}: has no log of trial {number}", path.display())]
-    #[diagnostic(code(wrong_use), help("`biflag info {}` lists its trials", path.display()))]
-    NoTrial {
-        /// The session.
-        path: PathBuf,
-        /// Number of the trial.
-        number: usize,
-    },
-    /// A robot file has no fit.
-    #[error("{}: has no fit", path.display())]
-    #[diagnostic(code(wrong_use), help("name a robot file of `biflag calibrate`"))]
-    NoFit {
-        /// The robot file.
-        path: PathBuf,
-    },
-    /// There are too many fits.
-    #[error("{count} fits: a figure tells at most {} apart", fit::MOST_FITS)]
-    #[diagnostic(code(wrong_use), help("draw fewer"))]
-    ManyFits {
-        /// How many.
-        count: usize,
-    },
-    /// A robot file cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Plan(#[from] PlanError),
-    /// The robot of a trial cannot be drawn.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Film(#[from] FilmError),
-    /// It could not be converted.
-    #[error("the figure cannot be converted: {reason}")]
-    #[diagnostic(help("write it as .svg, or narrower"))]
-    Convert {
-        /// Why.
-        reason: String,
-    },
-    /// Its file cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Output(#[from] OutputError),
-    /// A log cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Log(#[from] LogError),
-    /// A session cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Session(#[from] SessionError),
-    /// The trials cannot be compared.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Twin(#[from] TwinError),
-}
 
 /// A trial to draw: its log, or its number in a session.
 #[derive(Clone, Copy, Debug)]
@@ -172,17 +59,17 @@ pub struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    fn log(self) -> Result<Attempt, FigureError> {
+    fn log(self) -> Result<Attempt, PageError> {
         let path = || self.path.to_owned();
         match self.number {
-            None if self.path.is_dir() => Err(FigureError::WhichTrial { path: path() }),
+            None if self.path.is_dir() => Err(PageError::WhichTrial { path: path() }),
             None => Ok(Attempt::of_log(self.path)),
-            Some(_) if !self.path.is_dir() => Err(FigureError::NoNumber { path: path() }),
+            Some(_) if !self.path.is_dir() => Err(PageError::NoNumber { path: path() }),
             Some(number) => {
                 let states = Session::open(self.path)?.intact_states()?;
                 let state = number.checked_sub(1).and_then(|index| states.into_iter().nth(index));
                 let log = state.and_then(|state| state.best().cloned());
-                log.ok_or_else(|| FigureError::NoTrial { path: path(), number })
+                log.ok_or_else(|| PageError::NoTrial { path: path(), number })
             }
         }
     }
@@ -194,7 +81,7 @@ fn on_mismatch(anyway: bool) -> OnMismatch {
 }
 
 /// The same for two sessions: replays with another robot were asked for.
-fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, FigureError> {
+fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, PageError> {
     let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
     Ok(if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) })
 }
@@ -218,16 +105,16 @@ impl Figure {
     /// Returns the content of its file, with where it comes from.
     ///
     /// # Errors
-    /// [`FigureError`].
-    pub fn content(&self, format: Format) -> Result<Vec<u8>, FigureError> {
+    /// [`PageError`].
+    pub fn content(&self, format: Format) -> Result<Vec<u8>, PageError> {
         self.provenance.add(output::encode(&self.svg, format)?, format)
     }
 
     /// Writes its file.
     ///
     /// # Errors
-    /// [`FigureError`].
-    pub fn write(&self, path: &Path) -> Result<(), FigureError> {
+    /// [`PageError`].
+    pub fn write(&self, path: &Path) -> Result<(), PageError> {
         let content = self.content(Format::of(path)?)?;
         Ok(replace(path, |file| file.write_all(&content))?)
     }
@@ -246,14 +133,14 @@ pub struct Remarks {
 /// from the start of the run; by default all of it.
 ///
 /// # Errors
-/// [`FigureError`].
+/// [`PageError`].
 pub fn trial(
     subject: Subject,
     against: Option<&Path>,
     anyway: bool,
     time_s: Option<[f64; 2]>,
     width_mm: f64,
-) -> Result<Figure, FigureError> {
+) -> Result<Figure, PageError> {
     let own = subject.log()?.read(Want { hash: true, ..Want::default() })?;
     let mut logs = vec![Provenance::log(&own.data)];
     let compared = match against {
@@ -287,47 +174,52 @@ impl Remarks {
 /// Draws the forces of both flagella on the base over a trial of the model; `time_s` as in [`trial`].
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
-    let own = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
-    let data = &own.data;
-    let title = format!("Forces of both flagella in trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(data)]);
-    let remarks = Remarks::of(&own);
-    Ok(Figure { svg: forces::draw(data, time_s, width_mm)?, provenance, remarks })
+/// [`PageError`].
+pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, PageError> {
+    let title = "Forces of both flagella in trial";
+    of_trial(subject, Want { forces: true, ..Want::default() }, title, |own| forces::draw(&own.data, time_s, width_mm))
 }
 
 /// Draws gap and winding of the flagella of a modelled trial, and when they touch; `time_s` as in [`trial`].
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, FigureError> {
-    let own = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
-    let data = &own.data;
-    let title = format!("Gap and winding of the flagella in trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(data)]);
-    let remarks = Remarks::of(&own);
-    Ok(Figure { svg: contact::draw(data, time_s, width_mm)?, provenance, remarks })
+/// [`PageError`].
+pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<Figure, PageError> {
+    let title = "Gap and winding of the flagella in trial";
+    of_trial(subject, Want { forces: true, ..Want::default() }, title, |own| contact::draw(&own.data, time_s, width_mm))
 }
 
 /// Draws the robot at `moments` times of a trial, side by side; `time_s` as in [`trial`], by default the run.
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_mm: f64) -> Result<Figure, FigureError> {
-    let own = subject.log()?.read(Want { shapes: usize::MAX, hash: true, ..Want::default() })?;
-    let data = &own.data;
-    let title = format!("The robot at {moments} moments of trial {}", data.trial().name);
-    let provenance = Provenance::new(title, [Provenance::log(data)]);
-    let svg = strip::draw(&own, time_s, moments, width_mm)?;
-    let mut remarks = Remarks::of(&own);
-    if data.shapes.is_empty() {
-        remarks.warnings.push(
+/// [`PageError`].
+pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_mm: f64) -> Result<Figure, PageError> {
+    let title = format!("The robot at {moments} moments of trial");
+    let mut has_shapes = true;
+    let mut figure = of_trial(subject, Want { shapes: usize::MAX, ..Want::default() }, &title, |own| {
+        has_shapes = !own.data.shapes.is_empty();
+        strip::draw(own, time_s, moments, width_mm)
+    })?;
+    if !has_shapes {
+        figure.remarks.warnings.push(
             "the log has no shapes of the flagella: rigid helices turn with the motors; `biflag simulate --shapes` writes shapes"
                 .to_owned(),
         );
     }
-    Ok(Figure { svg, provenance, remarks })
+    Ok(figure)
+}
+
+/// Draws a trial that is read with `want`; the title ends with its name.
+fn of_trial(
+    subject: Subject,
+    want: Want,
+    title: &str,
+    draw: impl FnOnce(&Judged) -> Result<String, PageError>,
+) -> Result<Figure, PageError> {
+    let own = subject.log()?.read(Want { hash: true, ..want })?;
+    let title = format!("{title} {}", own.data.trial().name);
+    let provenance = Provenance::new(title, [Provenance::log(&own.data)]);
+    Ok(Figure { svg: draw(&own)?, provenance, remarks: Remarks::of(&own) })
 }
 
 /// Draws maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
@@ -335,14 +227,14 @@ pub fn strip(subject: Subject, time_s: Option<[f64; 2]>, moments: usize, width_m
 /// not end as planned are left out. `at` as in [`Lines`].
 ///
 /// # Errors
-/// [`FigureError`].
+/// [`PageError`].
 pub fn map(
     session: &Path,
     surface: Option<&Path>,
     anyway: bool,
     at: &[(String, f64)],
     width_mm: f64,
-) -> Result<Figure, FigureError> {
+) -> Result<Figure, PageError> {
     let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
         Some(_) => sweep::steady(path, at, (&mut remarks, &mut logs, &mut under)),
@@ -367,7 +259,7 @@ pub fn map(
     if surface.is_empty() || !differs(0) || !differs(1) {
         let grave = remarks.findings.iter().filter(|of_log| of_log.finding.grave);
         let found = grave.map(|of_log| format!("; {}: {}", of_log.log, of_log.finding)).collect();
-        return Err(FigureError::NoMap { path: session.to_owned(), found });
+        return Err(PageError::NoMap { path: session.to_owned(), found });
     }
     let titles = ["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)"];
     let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
@@ -406,15 +298,15 @@ pub fn map(
 /// Draws the 95 % intervals of the parameters of fitted robots.
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, FigureError> {
+/// [`PageError`].
+pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, PageError> {
     if robots.len() > fit::MOST_FITS {
-        return Err(FigureError::ManyFits { count: robots.len() });
+        return Err(PageError::ManyFits { count: robots.len(), most: fit::MOST_FITS });
     }
     let (mut fits, mut files, mut remarks) = (Vec::new(), Vec::new(), Remarks::default());
     for path in robots {
         let file = robot::load(path)?;
-        let fit = file.fit()?.ok_or_else(|| FigureError::NoFit { path: path.clone() })?;
+        let fit = file.fit()?.ok_or_else(|| PageError::NoFit { path: path.clone() })?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let named = fit::Named { name, fit };
         let doubts = named.fit.parameters.iter().filter_map(|p| Some((&p.name, named.doubt(p)?)));
@@ -432,8 +324,8 @@ pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, FigureError> {
 /// Draws the predicted against the measured steady angles of a session.
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -> Result<Figure, FigureError> {
+/// [`PageError`].
+pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -> Result<Figure, PageError> {
     let pairs = Pairs::of(measured, predicted)?;
     let jobs = rayon::current_num_threads();
     let on_mismatch = of_sessions(measured, predicted, anyway)?;
@@ -451,12 +343,12 @@ pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -
 
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
 /// about its logs, and the logs.
-fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Steady, FigureError> {
+fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Steady, PageError> {
     let session = Session::open(session)?;
     let states = session.intact_states()?;
     remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned().chain(session.missing(&states)));
     let attempts: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
-    let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
+    let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, PageError> {
         let trial = match log.read(Want { hash: true, ..Want::default() }) {
             // What is no log is no point of the map either.
             Err(error) if state.complete().is_none() && !error.is_of_reading() => {

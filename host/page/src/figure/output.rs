@@ -2,7 +2,8 @@
 //!
 //! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide.
 
-use super::{FigureError, print};
+use super::print;
+use crate::PageError;
 use std::path::Path;
 use study::output::{OutputError, ending};
 
@@ -31,7 +32,7 @@ impl Format {
 ///
 /// # Errors
 /// As [`print::convert`].
-pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> {
+pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, PageError> {
     match format {
         Format::Svg => Ok(svg.as_bytes().to_vec()),
         Format::Pdf | Format::Png => print::convert(svg, format),

@@ -1,8 +1,12 @@
 //! Axes, and a panel with two of them.
 
-use super::sheet::{Anchor, FONT_PT, GRID, INK, Sheet, Stroke, short};
+use super::sheet::{Anchor, FONT_PT, GRID, INK, MM, Sheet, Stroke, short};
 use crate::ticks;
 use study::text::decimal;
+
+/// Room beside a panel that is as wide as the sheet.
+pub(super) const LEFT_MM: f64 = 13.0;
+pub(super) const RIGHT_MM: f64 = 3.0;
 
 /// A linear axis.
 #[derive(Clone, Debug)]
@@ -57,6 +61,12 @@ pub(super) struct Panel {
 }
 
 impl Panel {
+    /// Returns a panel across the sheet, with room for the words of its axes.
+    pub fn across(sheet: &Sheet, x: Axis, y: Axis, top: f64, height_mm: f64) -> Self {
+        let width = sheet.width - (LEFT_MM + RIGHT_MM) * MM;
+        Self { x, y, left: LEFT_MM * MM, top, width, height: height_mm * MM }
+    }
+
     /// Returns where a point is on the sheet.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         [self.left + self.x.share(x) * self.width, self.top + (1.0 - self.y.share(y)) * self.height]

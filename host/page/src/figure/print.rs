@@ -1,6 +1,7 @@
 //! A figure as PDF or PNG, with the shapes of its font inside.
 
-use super::{FigureError, Format};
+use super::Format;
+use crate::PageError;
 use resvg::{tiny_skia, usvg};
 use std::sync::Arc;
 
@@ -13,9 +14,9 @@ const PNG_SCALE: f32 = 600.0 / 72.0;
 /// Converts a figure.
 ///
 /// # Errors
-/// [`FigureError::Convert`] if the figure cannot be converted, for instance because a PNG would be too large.
-pub(super) fn convert(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> {
-    let failed = |reason: String| FigureError::Convert { reason };
+/// [`PageError::Convert`] if the figure cannot be converted, for instance because a PNG would be too large.
+pub(super) fn convert(svg: &str, format: Format) -> Result<Vec<u8>, PageError> {
+    let failed = |reason: String| PageError::Convert { reason };
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(FONT)));
     let options = usvg::Options { dpi: 72.0, fontdb: Arc::new(fonts), ..usvg::Options::default() };

@@ -3,7 +3,8 @@
 //! An SVG has it as `<title>` and `<desc>`, a PNG as text of the keywords `Title` and `Description`, a PDF as title and
 //! subject of its information dictionary.
 
-use super::{FigureError, Format};
+use super::Format;
+use crate::PageError;
 use maud::html;
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -50,15 +51,15 @@ impl Provenance {
     /// Returns the file with its provenance.
     ///
     /// # Errors
-    /// [`FigureError::Convert`] if the file has another form than its format.
-    pub fn add(&self, file: Vec<u8>, format: Format) -> Result<Vec<u8>, FigureError> {
+    /// [`PageError::Convert`] if the file has another form than its format.
+    pub fn add(&self, file: Vec<u8>, format: Format) -> Result<Vec<u8>, PageError> {
         let title = printable(&self.title);
         let added = match format {
             Format::Svg => svg(&file, &title, &self.text()),
             Format::Png => png(&file, &title, &self.text()),
             Format::Pdf => pdf(&file, &title, &self.text()),
         };
-        added.ok_or_else(|| FigureError::Convert { reason: "its metadata have no place".to_owned() })
+        added.ok_or_else(|| PageError::Convert { reason: "its metadata have no place".to_owned() })
     }
 }
 

@@ -1,7 +1,7 @@
 //! A film strip: the robot at some moments of a trial, side by side.
 
-use super::FigureError;
 use super::sheet::{Anchor, FONT_PT, MM, Sheet};
+use crate::PageError;
 use crate::film::{Moving, Seen, shown};
 use study::text::decimal;
 use study::trial::Judged;
@@ -24,15 +24,15 @@ const HAZE: f64 = 0.45;
 /// Draws the robot at `moments` times of a trial, the first and the last at the ends of the time.
 ///
 /// # Errors
-/// [`FigureError::Nothing`] if no sample lies in the time; [`FigureError::Film`] if the log's robot is wrong.
+/// [`PageError::Nothing`] if no sample lies in the time; [`PageError::Plan`] if the log's robot is wrong.
 pub(super) fn draw(
     trial: &Judged,
     time_s: Option<[f64; 2]>,
     moments: usize,
     width_mm: f64,
-) -> Result<String, FigureError> {
+) -> Result<String, PageError> {
     let Judged { data, angles: zeroed, .. } = trial;
-    let span = shown(zeroed, time_s).ok_or_else(|| FigureError::Nothing { path: data.path.clone() })?;
+    let span = shown(zeroed, time_s).ok_or_else(|| PageError::Nothing { path: data.path.clone() })?;
     let moving = Moving::new(data, zeroed, CAMERA_PX)?;
     let share = |i: usize| i as f64 / (moments - 1).max(1) as f64;
     let times: Vec<f64> = (0..moments).map(|i| span.start + (span.end - span.start) * share(i)).collect();

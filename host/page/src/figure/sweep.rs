@@ -2,7 +2,8 @@
 
 use super::lines::{Curve, MOST, Point, draw};
 use super::provenance::Provenance;
-use super::{Figure, FigureError, Remarks};
+use super::{Figure, Remarks};
+use crate::PageError;
 use crate::swept::{self, MOST_SPREAD_DEG, Swept};
 use biflag_log::similar::did_you_mean;
 use sim::body::closure::Closure;
@@ -29,8 +30,8 @@ pub struct Lines<'a> {
 /// table has its standard error.
 ///
 /// # Errors
-/// [`FigureError`].
-pub fn lines(sweep: &Path, lines: Lines, width_mm: f64) -> Result<Figure, FigureError> {
+/// [`PageError`].
+pub fn lines(sweep: &Path, lines: Lines, width_mm: f64) -> Result<Figure, PageError> {
     let (table, swept) = read_sweep(sweep)?;
     let wrong = |reason: String| wrong_lines(&table, reason, &swept);
     let missing = |name: &str, what: &str| wrong(format!("{name} is no {what} of the sweep"));
@@ -110,8 +111,8 @@ fn short_number(value: f64) -> String {
     format!("{}", (value * scale).round() / scale).replace('-', "−")
 }
 
-fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), FigureError> {
-    let wrong = |reason: String| FigureError::Swept {
+fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), PageError> {
+    let wrong = |reason: String| PageError::Swept {
         path: path.to_owned(),
         reason,
         help: did_you_mean(path, "name the folder of a sweep, or its table.parquet or table.csv"),
@@ -121,11 +122,11 @@ fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), FigureError> {
     Ok((table, swept))
 }
 
-fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
+fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> PageError {
     let names =
         |columns: &[swept::Column]| columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
     let help = format!("inputs: {}; results: {}", names(&swept.inputs), names(&swept.results));
-    FigureError::Swept { path: table.to_owned(), reason, help }
+    PageError::Swept { path: table.to_owned(), reason, help }
 }
 
 /// What a map shows.
@@ -150,7 +151,7 @@ pub(super) fn steady(
     path: &Path,
     at: &[(String, f64)],
     (remarks, logs, under): (&mut Remarks, &mut Vec<String>, &mut Vec<String>),
-) -> Result<Steady, FigureError> {
+) -> Result<Steady, PageError> {
     let (table, swept) = read_sweep(path)?;
     let wrong = |reason: String| wrong_lines(&table, reason, &swept);
     let column =

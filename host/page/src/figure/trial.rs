@@ -1,15 +1,13 @@
 //! Yaw, pitch and roll over a trial; beside a model also their residuals, with the 95 % band of the measurement.
 
-use super::FigureError;
-use super::panel::{Axis, Panel};
+use super::panel::{Axis, LEFT_MM, Panel};
 use super::sheet::{MEASURED, MM, MODEL, Sheet, Stroke};
+use crate::PageError;
 use study::trial::Judged;
 use study::twin::Compared;
 
 const ANGLES: [&str; 3] = ["Yaw ψ (°)", "Pitch θ (°)", "Roll φ (°)"];
 
-const LEFT_MM: f64 = 13.0;
-const RIGHT_MM: f64 = 3.0;
 const ANGLE_MM: f64 = 24.0;
 const RESIDUAL_MM: f64 = 11.0;
 const GAP_MM: f64 = 3.0;
@@ -27,18 +25,18 @@ struct Sample {
 /// Draws a trial.
 ///
 /// # Errors
-/// [`FigureError::Nothing`] if no sample lies in the time.
+/// [`PageError::Nothing`] if no sample lies in the time.
 pub(super) fn draw(
     trial: &Judged,
     compared: Option<&Compared>,
     time_s: Option<[f64; 2]>,
     width_mm: f64,
-) -> Result<String, FigureError> {
+) -> Result<String, PageError> {
     let data = &trial.data;
     let mut samples = samples(trial, compared);
     samples.retain(|sample| time_s.is_none_or(|[from, to]| (from..=to).contains(&sample.time_s)));
     if samples.is_empty() {
-        return Err(FigureError::Nothing { path: data.path.clone() });
+        return Err(PageError::Nothing { path: data.path.clone() });
     }
     let mut sheet = Sheet::new(width_mm);
     let own_stroke = Stroke(MEASURED, 0.9, "");
@@ -63,14 +61,7 @@ pub(super) fn draw(
     for (k, label) in ANGLES.into_iter().enumerate() {
         let is_last = k + 1 == ANGLES.len();
         let values = samples.iter().flat_map(|sample| [sample.own_deg[k], sample.model_deg[k]]);
-        let mut panel = Panel {
-            x: x.clone(),
-            y: Axis::about(values, 1.0, label),
-            left: LEFT_MM * MM,
-            top,
-            width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
-            height: ANGLE_MM * MM,
-        };
+        let mut panel = Panel::across(&sheet, x.clone(), Axis::about(values, 1.0, label), top, ANGLE_MM);
         panel.frame(&mut sheet, is_last && compared.is_none());
         sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
         let around = |middle: fn(&Sample, usize) -> f64| -> Vec<[f64; 3]> {

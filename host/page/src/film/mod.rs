@@ -12,19 +12,16 @@ pub(crate) use moving::Moving;
 pub use picture::Picture;
 pub(crate) use picture::Seen;
 
-use biflag_log::LogError;
-use miette::Diagnostic;
+use crate::PageError;
 use rayon::prelude::*;
 use render::Rgb;
 use scene::Scene;
 use std::io::{self, ErrorKind};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use study::output::{self, OutputError};
-use study::plan::PlanError;
 use study::session::Attempt;
 use study::trial::{Judged, LogFinding, Want, Zeroed};
-use thiserror::Error;
 
 /// Time between two frames, s: the least that all browsers show of a GIF, and a whole number of its hundredths.
 const FRAME_S: f64 = 0.04;
@@ -59,44 +56,6 @@ pub struct Film {
     pub findings: Vec<LogFinding>,
 }
 
-/// Why a film was not written.
-#[derive(Error, Diagnostic, Debug)]
-pub enum FilmError {
-    /// A film of this kind needs FFmpeg.
-    #[error("{}: the program {} is not installed, which encodes WebM", path.display(), webm::ENCODER)]
-    #[diagnostic(help("install it (`sudo apt install ffmpeg`), or end the file's name with .gif"))]
-    NoEncoder {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The trial has no data in the time range.
-    #[error("{}: nothing to film in this time", path.display())]
-    #[diagnostic(code(wrong_use), help("name a time within the trial, counted from the start of its run"))]
-    Nothing {
-        /// The log.
-        path: PathBuf,
-    },
-    /// The film would be too long.
-    #[error("the film would have {frames} frames, more than {MAX_FRAMES}")]
-    #[diagnostic(code(wrong_use), help("show less with --time, or faster with --speed"))]
-    Long {
-        /// Its frames.
-        frames: usize,
-    },
-    /// The film cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Output(#[from] OutputError),
-    /// The log cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Log(#[from] LogError),
-    /// Its robot is wrong.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Plan(#[from] PlanError),
-}
-
 /// The frames of a film: the scene at each time.
 struct Frames<'a> {
     scene: Scene,
@@ -128,16 +87,16 @@ impl Frames<'_> {
 /// not at all if nothing can be written.
 ///
 /// # Errors
-/// [`FilmError`].
-pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, usize)) -> Result<Film, FilmError> {
+/// [`PageError`].
+pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, usize)) -> Result<Film, PageError> {
     let is_webm = output::ending(out, &["gif", "webm"])? == 1;
     let trial = Attempt::of_log(log).read(Want { shapes: usize::MAX, ..Want::default() })?;
     let Judged { data, angles: zeroed, .. } = &trial;
-    let nothing = || FilmError::Nothing { path: log.to_owned() };
+    let nothing = || PageError::NoFilm { path: log.to_owned() };
     let span = shown(zeroed, options.time_s).ok_or_else(nothing)?;
     let count = ((span.end - span.start) / (options.speed * FRAME_S)).ceil().max(1.0);
     if count > MAX_FRAMES as f64 {
-        return Err(FilmError::Long { frames: count as usize });
+        return Err(PageError::LongFilm { frames: count as usize, most: MAX_FRAMES });
     }
     let count = count as usize;
     let frames = Frames {
@@ -154,9 +113,9 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         );
     written.map_err(|error| match error {
         OutputError::Write { path, source } if is_webm && source.kind() == ErrorKind::Unsupported => {
-            FilmError::NoEncoder { path }
+            PageError::NoEncoder { path, program: webm::ENCODER }
         }
-        other => FilmError::Output(other),
+        other => PageError::Output(other),
     })?;
     Ok(Film {
         frames: count,

@@ -1,8 +1,8 @@
 //! The robot at each time of its trial, in front of a camera.
 
-use super::FilmError;
 use super::picture::{Picture, Seen};
 use super::render::{Rgb, Solid, V3};
+use crate::PageError;
 use crate::report::shapes::at_rest;
 use sim::body::shaft::Shaft;
 use std::f64::consts::TAU;
@@ -20,7 +20,7 @@ pub(crate) struct Moving {
 
 impl Moving {
     /// `width`: that of the picture, pixels.
-    pub(crate) fn new(data: &Data, zeroed: &Zeroed, width: u16) -> Result<Self, FilmError> {
+    pub(crate) fn new(data: &Data, zeroed: &Zeroed, width: u16) -> Result<Self, PageError> {
         let robot = data.robot()?;
         let feet = robot.shaft_feet();
         let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(&robot) }];

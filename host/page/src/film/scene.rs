@@ -1,8 +1,8 @@
 //! The robot at a time of its trial, in front of the camera, over a chart of its yaw.
 
-use super::FilmError;
 use super::moving::Moving;
 use super::render::{BACKGROUND, CHART, DIAL, Rgb};
+use crate::PageError;
 use std::ops::Range;
 use study::trial::{Data, Zeroed};
 
@@ -17,7 +17,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    pub(super) fn new(data: &Data, zeroed: &Zeroed, shown: Range<f64>, width: u16) -> Result<Self, FilmError> {
+    pub(super) fn new(data: &Data, zeroed: &Zeroed, shown: Range<f64>, width: u16) -> Result<Self, PageError> {
         let moving = Moving::new(data, zeroed, width)?;
         let [width, _] = moving.picture.size();
         let chart_height = width / 6;

@@ -89,19 +89,7 @@ pub(super) fn files(view: &View) -> Markup {
 fn provenance(view: &View) -> Vec<(&'static str, String)> {
     let records = &view.records;
     let mut facts = vec![("Log", view.log.display().to_string())];
-    if let Some(comparison) = &view.comparison {
-        facts.push(("Compared with", comparison.modelled.display().to_string()));
-        if let Some(ModelRobot { robot, model, replay }) = &view.model_robot {
-            facts.push(("Robot of the model", format!("{}, closure {}", robot.name, word(&model.closure))));
-            if let Some(replay) = replay {
-                facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
-            }
-        }
-        facts.push(("Offset removed, this log", angles(comparison.measured_zero_deg)));
-        facts.push(("Offset removed, the other log", angles(comparison.modelled_zero_deg)));
-        facts.push(("Yaw drift removed", degrees(comparison.yaw_drift_deg, 3)));
-        facts.push(("Time shift", format!("{} s", number(comparison.time_shift_s, 3))));
-    }
+    facts.extend(compared(view));
     if let Some(trial) = &records.trial {
         facts
             .push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
@@ -174,6 +162,24 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     facts.push(("Messages", counts.join(", ")));
     facts.into_iter().map(|(name, value)| (name, clip(&value, 600))).collect()
+}
+
+/// Returns with what the log is compared, and how both were aligned.
+fn compared(view: &View) -> Vec<(&'static str, String)> {
+    let Some(comparison) = &view.comparison else { return Vec::new() };
+    let mut facts = Vec::new();
+    facts.push(("Compared with", comparison.modelled.display().to_string()));
+    if let Some(ModelRobot { robot, model, replay }) = &view.model_robot {
+        facts.push(("Robot of the model", format!("{}, closure {}", robot.name, word(&model.closure))));
+        if let Some(replay) = replay {
+            facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
+        }
+    }
+    facts.push(("Offset removed, this log", angles(comparison.measured_zero_deg)));
+    facts.push(("Offset removed, the other log", angles(comparison.modelled_zero_deg)));
+    facts.push(("Yaw drift removed", degrees(comparison.yaw_drift_deg, 3)));
+    facts.push(("Time shift", format!("{} s", number(comparison.time_shift_s, 3))));
+    facts
 }
 
 fn angles([yaw, pitch, roll]: [f64; 3]) -> String {

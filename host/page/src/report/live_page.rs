@@ -6,7 +6,7 @@ use super::curves;
 use super::document;
 use super::heat_map::{self, Map, Point};
 use super::ribbon;
-use super::stage::looks;
+use super::stage::{looks, zoom};
 use super::text::{clip, count, json_for_script};
 use super::trial_section::{Entry, chart, speed_entries};
 use maud::{Markup, PreEscaped, html};
@@ -70,10 +70,7 @@ fn scene(has_tank: bool) -> Markup {
                 aria-label="The robot now: base, motors and both flagella. Arrow keys rotate the view, plus and minus zoom, Home resets it." {}
             div.tools role="group" aria-label="View" {
                 (looks(has_tank))
-                span.pair {
-                    button.view-in type="button" aria-label="Zoom in" { "+" }
-                    button.view-out type="button" aria-label="Zoom out" { "−" }
-                }
+                (zoom())
             }
             figcaption { "The measured attitude, from the start of the run on without the tilt at rest. The flagella are drawn as rigid helices that turn with their shafts." }
         }

@@ -31,58 +31,23 @@ pub use budget::ByteBudget;
 pub use live_page::{live_maps, live_page};
 pub use view::View;
 
-use crate::swept;
+use crate::{PageError, swept};
 use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
-use miette::Diagnostic;
 use rayon::prelude::*;
 use rows::{Row, RowState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use study::output::{self, OutputError};
+use study::output;
 use study::program::GIT_HASH;
 use study::session::{Attempt, Session, SessionError, TrialState};
 use study::text::printable;
 use study::trial::{LogFinding, Want};
 use study::twin::{SessionComparison, Skipped};
-use thiserror::Error;
 use warnings::Warning;
 
 /// The most trials of a session that are all printed; of a larger session, only the open trial is printed.
 const MAX_PRINTED: usize = 20;
-
-/// Why a page was not written.
-#[derive(Error, Diagnostic, Debug)]
-pub enum ReportError {
-    /// The name belongs to a file that is not a report.
-    #[error("{}: already exists and is not a report of biflag", path.display())]
-    #[diagnostic(code(wrong_use), help("name another file with --out"))]
-    NotOurs {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The page cannot be written.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Output(#[from] OutputError),
-    /// The file is not the table of a sweep.
-    #[error("{}: cannot be shown as a table: {reason}", path.display())]
-    #[diagnostic(code(wrong_use), help("name a log, a session folder, or the table that `biflag sweep` writes"))]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
-    /// The log cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Log(#[from] LogError),
-    /// The session cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Session(#[from] SessionError),
-}
 
 /// A written page.
 #[derive(Clone, PartialEq, Debug)]
@@ -143,23 +108,24 @@ fn with_logs(states: &[TrialState]) -> usize {
 /// `comparison` and `views` are the results of a comparison, if there is one; other trials are read from their logs.
 ///
 /// # Errors
-/// [`ReportError`].
+/// [`PageError`].
 pub fn write(
     path: &Path,
     kind: Kind,
     comparison: Option<&SessionComparison>,
     views: Vec<View>,
     out: Option<&Path>,
-) -> Result<Written, ReportError> {
+) -> Result<Written, PageError> {
     let out = out.map_or_else(|| kind.place(path), Path::to_owned);
     check(&out)?;
     if let Some(table) = swept::table_of(path) {
-        return sweep_page::write(&table, &out);
+        let (page, trials) = sweep_page::page(&table)?;
+        return put(&out, &page, Counts { trials, warnings: 0 }, Vec::new());
     }
     if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
 }
 
-fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportError> {
+fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, PageError> {
     let view = match views.into_iter().next() {
         Some(view) => view,
         None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
@@ -190,36 +156,10 @@ fn of_session(
     comparison: Option<&SessionComparison>,
     views: Vec<View>,
     out: &Path,
-) -> Result<Written, ReportError> {
+) -> Result<Written, PageError> {
     let states = session.intact_states()?;
     let budget = ByteBudget::of_trials(with_logs(&states));
-    let row = |state: &TrialState| {
-        let trial = &state.trial;
-        let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
-        let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
-            Some(view) => Ok(view.clone()),
-            None => view(attempt, budget),
-        });
-        let state = match view {
-            None if !state.left_out.is_empty() => RowState::Unreadable(
-                state.left_out.iter().map(|of_log| of_log.finding.to_string()).collect::<Vec<_>>().join("; "),
-            ),
-            None => RowState::Missing,
-            Some(Ok(mut view)) => {
-                let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
-                view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
-                view.warnings.extend(state.left_out.iter().map(|of_log| Warning::of(&of_log.finding, None)));
-                RowState::Shown(Box::new(view))
-            }
-            Some(Err(error)) => RowState::Unreadable(error.to_string()),
-        };
-        let speeds_rpm = match &state {
-            // The plan has the speeds that it began with.
-            RowState::Shown(view) if view.records.steer.is_some() => view.speeds_rpm,
-            _ => trial.final_speeds().map(|speed| speed.rpm()),
-        };
-        Row { name: trial.name.clone(), speeds_rpm, state }
-    };
+    let row = |state: &TrialState| row(state, comparison, &views, budget);
     let rows: Vec<Row> = states.par_iter().map(row).collect();
     let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((rows::anchor(i), row.view()?)));
     let of_session = session_page::Session {
@@ -271,6 +211,35 @@ fn of_session(
     put(out, &page, counts, findings)
 }
 
+/// Returns a trial as a row of its session's page.
+fn row(state: &TrialState, comparison: Option<&SessionComparison>, views: &[View], budget: ByteBudget) -> Row {
+    let trial = &state.trial;
+    let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
+    let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
+        Some(view) => Ok(view.clone()),
+        None => view(attempt, budget),
+    });
+    let state = match view {
+        None if !state.left_out.is_empty() => RowState::Unreadable(
+            state.left_out.iter().map(|of_log| of_log.finding.to_string()).collect::<Vec<_>>().join("; "),
+        ),
+        None => RowState::Missing,
+        Some(Ok(mut view)) => {
+            let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
+            view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
+            view.warnings.extend(state.left_out.iter().map(|of_log| Warning::of(&of_log.finding, None)));
+            RowState::Shown(Box::new(view))
+        }
+        Some(Err(error)) => RowState::Unreadable(error.to_string()),
+    };
+    let speeds_rpm = match &state {
+        // The plan has the speeds that it began with.
+        RowState::Shown(view) if view.records.steer.is_some() => view.speeds_rpm,
+        _ => trial.final_speeds().map(|speed| speed.rpm()),
+    };
+    Row { name: trial.name.clone(), speeds_rpm, state }
+}
+
 /// Reads a log for the page.
 fn view(log: &Attempt, budget: ByteBudget) -> Result<View, LogError> {
     Ok(View::new(&log.read(want(budget))?, None, budget))
@@ -320,11 +289,11 @@ fn footer(view: &View) -> Markup {
 }
 
 /// Checks that a page may be written there: nothing is there, or an older page.
-fn check(out: &Path) -> Result<(), ReportError> {
+fn check(out: &Path) -> Result<(), PageError> {
     match std::fs::symlink_metadata(out) {
         Err(_) => Ok(()),
         Ok(found) if found.is_file() && is_page(out).unwrap_or(false) => Ok(()),
-        Ok(_) => Err(ReportError::NotOurs { path: out.to_owned() }),
+        Ok(_) => Err(PageError::NotOurs { path: out.to_owned() }),
     }
 }
 
@@ -344,7 +313,7 @@ fn graves(view: &View) -> usize {
     view.warnings.iter().filter(|warning| warning.is_grave).count()
 }
 
-fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, ReportError> {
+fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, PageError> {
     // Texts of plans and logs may hold anything.
     let text = printable(&page.0);
     output::replace(out, |file| file.write_all(text.as_bytes()))?;

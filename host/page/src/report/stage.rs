@@ -24,6 +24,16 @@ pub(super) fn looks(has_tank: bool) -> Markup {
     }
 }
 
+/// Returns the buttons that zoom.
+pub(super) fn zoom() -> Markup {
+    html! {
+        span.pair {
+            button.view-in type="button" aria-label="Zoom in" { "+" }
+            button.view-out type="button" aria-label="Zoom out" { "−" }
+        }
+    }
+}
+
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
     let compared = view.comparison.is_some();
@@ -44,10 +54,7 @@ fn scene(view: &View) -> Markup {
                 button type="button" aria-pressed="true" data-show="trails" { "Trails" }
                 button type="button" aria-pressed="false" data-camera="follow" { "Follow" }
                 button type="button" aria-pressed="false" data-camera="fly" { "Fly-by" }
-                span.pair {
-                    button.view-in type="button" aria-label="Zoom in" { "+" }
-                    button.view-out type="button" aria-label="Zoom out" { "−" }
-                }
+                (zoom())
             }
             figcaption {
                 (robots)

@@ -1,28 +1,28 @@
 //! The page of a sweep's table: a map of one result over two inputs, with a slider for each other input.
 
-use super::ReportError;
 use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
-use super::{Counts, Written, document, put, sweep_plan};
+use super::{document, sweep_plan};
+use crate::PageError;
 use crate::swept::{CONTOUR_NODES, Column, MOST_SPREAD_DEG, MOTIONS, Swept};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes the page of a table.
+/// Returns the page of a table, and its number of points.
 ///
 /// # Errors
-/// [`ReportError::Table`] if the file is not a table with two inputs and a result.
-pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
-    let wrong = |reason: String| ReportError::Table { path: path.to_owned(), reason };
+/// [`PageError::Table`] if the file is not a table with two inputs and a result.
+pub(super) fn page(path: &Path) -> Result<(Markup, usize), PageError> {
+    let wrong = |reason: String| PageError::Table { path: path.to_owned(), reason };
     let swept = Swept::read(path).map_err(wrong)?;
     let (rows, inputs, results) = (swept.rows(), &swept.inputs, &swept.results);
     // Four bytes a number are five and a third of text.
     let most = DATA_BYTES * 3 / 16 / (inputs.len() + results.len());
     let every = rows.div_ceil(most).max(1);
     let about = About { path, header: &swept.header, rows, every };
-    let page = |columns: &[Column]| -> Vec<Value> {
+    let columns = |columns: &[Column]| -> Vec<Value> {
         let one = |column: &Column| {
             let values: Vec<f64> = column.values.iter().step_by(every).copied().collect();
             json!({ "name": column.name, "label": column.label(), "about": column.about, "values": single(&values) })
@@ -32,15 +32,9 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     let states: Vec<i64> = swept.states.iter().step_by(every).copied().collect();
     let kinds = MOTIONS.map(|motion| motion.name().replace('_', " "));
     let limits = json!({ "contour_nodes": CONTOUR_NODES, "most_spread_deg": MOST_SPREAD_DEG });
-    let data =
-        json!({ "inputs": page(inputs), "results": page(results), "states": states, "kinds": kinds, "limits": limits });
+    let data = json!({ "inputs": columns(inputs), "results": columns(results), "states": states, "kinds": kinds, "limits": limits });
     let data = html! { script type="application/json" id="sweep-data" { (PreEscaped(json_for_script(&data))) } };
-    put(
-        out,
-        &document::page(&clip(&about.title(), 200), "one", &body(&about, inputs, results), &data),
-        Counts { trials: rows, warnings: 0 },
-        Vec::new(),
-    )
+    Ok((document::page(&clip(&about.title(), 200), "one", &body(&about, inputs, results), &data), rows))
 }
 
 /// Where the table comes from.
@@ -115,10 +109,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sweep.csv");
         std::fs::write(&path, TABLE).unwrap();
-        let page = folder.path().join("sweep.html");
-        let written = write(&path, &page).unwrap();
-        assert_eq!((written.trials, written.html.as_path()), (8, page.as_path()));
-        let text = std::fs::read_to_string(&page).unwrap();
+        let (text, points) = page(&path).unwrap();
+        assert_eq!(points, 8);
+        let text = text.0;
         let options = [
             "value=\"w1_rpm\" selected>speed of flagellum 1 (w1)<",
             "value=\"length_m\">length<",
@@ -130,8 +123,7 @@ mod tests {
         let sobol =
             "w1_rpm,w2_rpm,mu,tether,derived,yaw_deg\n50,10,0.8,1,1.6,1\n50,10,0.9,3,1.8,2\n50,10,1.1,2,2.2,3\n";
         std::fs::write(&path, varies("mu") + &varies("tether") + sobol).unwrap();
-        write(&path, &page).unwrap();
-        let text = std::fs::read_to_string(&page).unwrap();
+        let text = page(&path).unwrap().0.0;
         let inputs: Vec<&str> = text
             .split("name=\"x\"")
             .nth(1)
@@ -148,7 +140,7 @@ mod tests {
             [("x,y\n1,2\n", "no column yaw_deg"), ("a,yaw_deg\n1,2\n2,3\n", "fewer than two inputs")]
         {
             std::fs::write(&path, broken).unwrap();
-            let error = write(&path, &page).unwrap_err().to_string();
+            let error = page(&path).unwrap_err().to_string();
             assert!(error.contains(reason), "{error}");
         }
     }

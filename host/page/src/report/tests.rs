@@ -107,16 +107,16 @@ fn other_files_are_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let (path, page) = (folder.path().join("a.mcap"), folder.path().join("a.html"));
     log(&path, &plan(), None);
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), Some(&path)), Err(ReportError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), Some(&path)), Err(PageError::NotOurs { .. })));
     std::fs::write(&page, "<html>mine</html>").unwrap();
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(ReportError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::NotOurs { .. })));
     std::fs::remove_file(&page).unwrap();
     std::os::unix::fs::symlink(folder.path().join("elsewhere"), &page).unwrap();
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(ReportError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::NotOurs { .. })));
     assert!(!folder.path().join("elsewhere").exists());
     let nowhere = folder.path().join("no/such/folder.html");
     let no_folder = write(&path, Kind::Report, None, Vec::new(), Some(&nowhere));
-    assert!(matches!(no_folder, Err(ReportError::Output(OutputError::Folder { .. }))));
+    assert!(matches!(no_folder, Err(PageError::Output(study::output::OutputError::Folder { .. }))));
 }
 
 /// Returns how many elements of a kind a page has.
