@@ -187,6 +187,17 @@ impl Link {
         }
     }
 
+    /// Clears a fault. A cause that persists is no error: the next frame states the fault.
+    ///
+    /// # Errors
+    /// As [`Link::ask`].
+    pub fn clear_fault(&self) -> Result<(), LinkError> {
+        match self.command(Command::ClearFault) {
+            Err(LinkError::Refused { .. }) => Ok(()),
+            cleared => cleared,
+        }
+    }
+
     fn heartbeat(&self) {
         if let Line::Port { alive, .. } = &self.line {
             *lock(alive) = Instant::now();

@@ -17,6 +17,7 @@ use thiserror::Error;
 
 /// Why watching the board failed.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum WatchError {
     /// The link failed.
     #[error(transparent)]
@@ -25,10 +26,7 @@ pub enum WatchError {
     /// The stream ended.
     #[error("the board on {port} stopped sending")]
     #[diagnostic(help("check its power supply and cable, then start again"))]
-    Silent {
-        /// The board's port.
-        port: String,
-    },
+    Silent { port: String },
 }
 
 /// Starts the board's telemetry and serves it until the user interrupts the program. It neither sends speeds nor clears

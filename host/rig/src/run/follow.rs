@@ -20,6 +20,7 @@ const LONGEST_GAP_S: f64 = 0.25;
 
 /// Why the sensor could not be followed.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum FollowError {
     /// The board, the link or the log failed.
     #[error(transparent)]
@@ -28,17 +29,11 @@ pub enum FollowError {
     /// A reading at the end of the range.
     #[error("a reading was at the end of the sensor's range")]
     #[diagnostic(help("move the sensor more slowly, without a knock; its range is {range_dps} °/s (gyro_range_dps)"))]
-    Clipped {
-        /// Range of the gyroscope.
-        range_dps: u16,
-    },
+    Clipped { range_dps: u16 },
     /// Frames are missing.
     #[error("{gap_s:.1} s of readings are missing")]
     #[diagnostic(help("check the cable and close programs that load the computer, then start again"))]
-    Gap {
-        /// Length of the gap.
-        gap_s: f64,
-    },
+    Gap { gap_s: f64 },
 }
 
 impl From<LinkError> for FollowError {
@@ -110,11 +105,7 @@ struct Stream<'a> {
 impl<'a> Stream<'a> {
     fn start(link: &'a Link, settings: &'a Settings, interrupted: &'a AtomicBool) -> Result<Self, FollowError> {
         super::stream::end(link)?;
-        match link.command(Command::ClearFault) {
-            // The cause persists; the first frame will state the fault.
-            Ok(()) | Err(LinkError::Refused { .. }) => {}
-            Err(error) => return Err(error.into()),
-        }
+        link.clear_fault()?;
         link.command(Command::Stream { rate_hz: TICK_HZ })?;
         Ok(Self {
             link,

@@ -180,6 +180,43 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
     first_failure(outcome, recorder.drain(keep))
 }
 
+/// Waits until the robot is still, calibrates the gyroscope, and starts the schedule. Returns the board's clock at its start,
+/// µs.
+fn begin(
+    recorder: &mut Recorder,
+    context: &RunContext,
+    trial: &Trial,
+    schedule: &Schedule,
+    settings: &Settings,
+    said: &mut Said,
+) -> Result<u64, RecordError> {
+    let points = schedule.set_points();
+    schedule::send(recorder, &points)?;
+    let count = points.len();
+    recorder.begin()?;
+    let waits = still::wait(recorder, context.progress, trial)?;
+    let begun_us = recorder.rested_us();
+    if trial.phases.calibrate_s > 0.0 {
+        // Before the start: a refusal must come before the motors turn.
+        let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
+        let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        let start_us = schedule::start(recorder, count, planned_us)?;
+        if start_us > planned_us {
+            let late_s = (start_us - planned_us) as f64 * 1e-6;
+            let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
+            recorder.event(EventKind::Note, &text)?;
+            said.notes.push(text);
+        }
+        Ok(start_us)
+    } else {
+        let start_us = schedule::start(recorder, count, begun_us)?;
+        if !waits {
+            recorder.skip_to(start_us)?;
+        }
+        Ok(start_us)
+    }
+}
+
 /// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this function follows them.
 fn phases(
     recorder: &mut Recorder,
@@ -193,31 +230,7 @@ fn phases(
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    let points = schedule.set_points();
-    schedule::send(recorder, &points)?;
-    let count = points.len();
-    recorder.begin()?;
-    let waits = still::wait(recorder, context.progress, trial)?;
-    let begun_us = recorder.rested_us();
-    let start_us = if trial.phases.calibrate_s > 0.0 {
-        // Before the start: a refusal must come before the motors turn.
-        let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
-        let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
-        let start_us = schedule::start(recorder, count, planned_us)?;
-        if start_us > planned_us {
-            let late_s = (start_us - planned_us) as f64 * 1e-6;
-            let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
-            recorder.event(EventKind::Note, &text)?;
-            said.notes.push(text);
-        }
-        start_us
-    } else {
-        let start_us = schedule::start(recorder, count, begun_us)?;
-        if !waits {
-            recorder.skip_to(start_us)?;
-        }
-        start_us
-    };
+    let start_us = begin(recorder, context, trial, schedule, settings, said)?;
     let mut phase = Phase::Calibrate;
     let mut phase_us = start_us;
     let mut target = [CentiRpm(0); 2];

@@ -1,6 +1,6 @@
 //! Drives a motor open-loop and measures the response of both encoders and the gyroscope.
 
-use crate::link::{Link, LinkError};
+use crate::link::Link;
 use crate::run::error::RecordError;
 use crate::run::stream;
 use protocol::units::Duty;
@@ -50,11 +50,7 @@ pub struct Board<'a> {
 
 impl Drive for Board<'_> {
     fn drive(&mut self, motor: usize, duty: i16, duration_ms: u16) -> Result<Driven, RecordError> {
-        match self.link.command(Command::ClearFault) {
-            // The cause persists; the first frame will state the fault.
-            Ok(()) | Err(LinkError::Refused { .. }) => {}
-            Err(error) => return Err(error.into()),
-        }
+        self.link.clear_fault()?;
         self.link.command(Command::Stream { rate_hz: TICK_HZ })?;
         let driven = self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS));
         // After any failure, turn the motors off, and keep the stream from filling memory while the user reads.
