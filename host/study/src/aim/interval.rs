@@ -29,7 +29,7 @@ const SOLVER_DEG: f64 = 0.1;
 
 /// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so. Parts that the
 /// model has not computed in time are `None`.
-#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Interval {
     /// Interval of the yaw: lower and upper bound.
     pub yaw_ci_deg: Option<[f64; 2]>,
@@ -99,15 +99,8 @@ impl Interval {
 
     /// Returns the known parts for the attitude at the end of a trial, without evaluating the model again.
     pub fn unknown(known: &Known, trial: &Attitude) -> Self {
-        Self {
-            yaw_ci_deg: None,
-            pitch_ci_deg: None,
-            roll_ci_deg: None,
-            phase_spread_deg: None,
-            std_error_deg: None,
-            model_error_deg: known.model_error.as_ref().map(|error| error.of_modelled_deg(trial.angles_deg())),
-            contact_by_phase: None,
-        }
+        let model_error_deg = known.model_error.as_ref().map(|error| error.of_modelled_deg(trial.angles_deg()));
+        Self { model_error_deg, ..Self::default() }
     }
 }
 

@@ -217,7 +217,8 @@ fn set_within<T: Into<f64> + Copy + Display + LowerExp + PartialOrd>(
     if range.contains(setting) { Ok(()) } else { Err(BoardSettingsError { key, value: number(*setting) }) }
 }
 
-fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
+/// Returns the axes of these names; `None` if one is no axis, or if two are the same.
+pub(crate) fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
     let [x, y, z] = names;
     let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);
     map.is_permutation().then_some(map)

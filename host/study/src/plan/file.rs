@@ -73,35 +73,35 @@ struct PlanFile {
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
-struct SessionTable {
-    name: Option<Spanned<String>>,
-    operator: String,
-    note: String,
-    robot: Option<Spanned<String>>,
-    sensor: Option<Spanned<String>>,
-    seed: Option<Spanned<i64>>,
-    repeats: Option<Spanned<i64>>,
+pub(crate) struct SessionTable {
+    pub name: Option<Spanned<String>>,
+    pub operator: String,
+    pub note: String,
+    pub robot: Option<Spanned<String>>,
+    pub sensor: Option<Spanned<String>>,
+    pub seed: Option<Spanned<i64>>,
+    pub repeats: Option<Spanned<i64>>,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
-struct TrialTable {
-    calibrate: Option<Spanned<f64>>,
-    preroll: Option<Spanned<f64>>,
-    run: Option<Spanned<f64>>,
-    decay: Option<Spanned<f64>>,
-    rest_at_most: Option<Spanned<f64>>,
-    reverse: Option<Spanned<ReverseTable>>,
-    hand_turn: Option<Spanned<HandTurn>>,
-    phase_deg: Option<Spanned<Exactly<f64, 2>>>,
-    phases: Option<Spanned<i64>>,
-    method: Option<Spanned<Method>>,
+pub(crate) struct TrialTable {
+    pub calibrate: Option<Spanned<f64>>,
+    pub preroll: Option<Spanned<f64>>,
+    pub run: Option<Spanned<f64>>,
+    pub decay: Option<Spanned<f64>>,
+    pub rest_at_most: Option<Spanned<f64>>,
+    pub reverse: Option<Spanned<ReverseTable>>,
+    pub hand_turn: Option<Spanned<HandTurn>>,
+    pub phase_deg: Option<Spanned<Exactly<f64, 2>>>,
+    pub phases: Option<Spanned<i64>>,
+    pub method: Option<Spanned<Method>>,
 }
 
 /// The motor that reverses, and the time in seconds after the start of the run.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ReverseTable {
+pub(crate) struct ReverseTable {
     motor: i64,
     after: f64,
 }

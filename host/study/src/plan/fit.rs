@@ -71,7 +71,6 @@ pub struct FittedParameter {
     /// Its name in `calibrate --fit`.
     pub name: String,
     /// Its key in the file; `None` for the mounting of the sensor.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
     /// The unit of the numbers below.
     pub unit: String,
@@ -84,7 +83,6 @@ pub struct FittedParameter {
     /// 95 % interval, with the model's error.
     pub interval_95: [f64; 2],
     /// Possible change of the value due to the model's error; `None` if it was fitted to a simulation.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub model_error: Option<f64>,
 }
 

@@ -32,10 +32,8 @@ pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US, WAIT};
 pub use shipped::{Shipped, robot_keys};
 
-use crate::sensor::{self, MeasuredSensor};
-use biflag_log::{MeasuredSensorMeta, Method};
+use biflag_log::{MeasuredSensorMeta, Method, TrialMeta};
 use protocol::units::CentiRpm;
-use std::path::Path;
 
 /// An example of a plan with every table.
 pub const EXAMPLE: &str = r#"[session]
@@ -118,6 +116,27 @@ impl Trial {
         self.reverse.map_or(self.speeds, |reverse| reverse.of(self.speeds))
     }
 
+    /// Returns its record in a log.
+    pub fn meta(&self, attempt: u32) -> TrialMeta {
+        let [w1_rpm, w2_rpm] = self.speeds.map(|speed| speed.rpm());
+        let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = self.phases;
+        TrialMeta {
+            name: self.name.clone(),
+            index: self.index,
+            repeat: self.repeat,
+            attempt,
+            w1_rpm,
+            w2_rpm,
+            calibrate_s,
+            preroll_s,
+            run_s,
+            decay_s,
+            reverse_motor: self.reverse.map(|reverse| reverse.motor),
+            reverse_after_s: self.reverse.map(|reverse| reverse.after_s),
+            phase_deg: self.phase_deg,
+        }
+    }
+
     /// Returns whether another trial differs from this one at most in its starting phase.
     pub fn is_at_the_phases_of(&self, other: &Self) -> bool {
         (self.speeds, self.repeat) == (other.speeds, other.repeat)
@@ -180,24 +199,5 @@ impl Phases {
 impl Default for Phases {
     fn default() -> Self {
         Self { rest_at_most_s: 300.0, calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 }
-    }
-}
-
-impl Plan {
-    /// Reads and checks a plan and the robot and sensor files that it names: files on disk, or files inside the program
-    /// ([`Shipped`]).
-    ///
-    /// # Errors
-    /// [`PlanError`].
-    pub fn load(path: &Path) -> Result<Self, PlanError> {
-        let text = file::KIND.read(path)?;
-        let mut plan = Self::parse(&text, &path.display().to_string())?;
-        plan.robot = robot::of_plan(path, &plan.robot.name)?;
-        if let Some(sensor) = &mut plan.sensor {
-            let beside = path.parent().unwrap_or(Path::new("")).join(&sensor.name);
-            sensor.text = sensor::text_of(&beside)?;
-            MeasuredSensor::parse(&sensor.text, &beside.display().to_string())?;
-        }
-        Ok(plan)
     }
 }

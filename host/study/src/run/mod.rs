@@ -6,9 +6,9 @@ mod recorder;
 
 pub use recorder::{AtRest, Measured, Recorder};
 
-use crate::plan::{Phases, Plan, Trial};
+use crate::plan::{Plan, Trial};
 use crate::program;
-use biflag_log::{BoardMeta, Origin, PlanMeta, RobotMeta, Start, TrialMeta};
+use biflag_log::{BoardMeta, Origin, PlanMeta, RobotMeta, Start};
 use std::time::SystemTime;
 
 /// Returns the first records of the log of a trial.
@@ -29,30 +29,9 @@ pub fn start(
             trials: plan.trials.len(),
             text: plan.text.clone(),
         },
-        trial: trial_meta(trial, attempt),
+        trial: trial.meta(attempt),
         robot: RobotMeta { name: plan.robot.name.clone(), text: plan.robot.text.clone() },
         board,
         sensor: plan.sensor.clone().filter(|_| origin != Origin::Model),
-    }
-}
-
-/// Returns the record of a trial.
-pub(crate) fn trial_meta(trial: &Trial, attempt: u32) -> TrialMeta {
-    let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
-    let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = trial.phases;
-    TrialMeta {
-        name: trial.name.clone(),
-        index: trial.index,
-        repeat: trial.repeat,
-        attempt,
-        w1_rpm,
-        w2_rpm,
-        calibrate_s,
-        preroll_s,
-        run_s,
-        decay_s,
-        reverse_motor: trial.reverse.map(|reverse| reverse.motor),
-        reverse_after_s: trial.reverse.map(|reverse| reverse.after_s),
-        phase_deg: trial.phase_deg,
     }
 }

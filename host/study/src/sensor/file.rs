@@ -6,11 +6,13 @@
 
 use super::{AxesError, Estimate, Sensor};
 use crate::attitude::BiasNoise;
+use crate::plan::board::axis_map;
 use crate::plan::error::PlanError;
 use crate::plan::source::{Exactly, FileKind, Source, number};
+use crate::plan::{self, Plan, robot};
 use biflag_log::{MeasuredSensorMeta, atomic_file};
 use protocol::Settings;
-use protocol::units::{Axis, AxisMap};
+use protocol::units::AxisMap;
 use serde::Deserialize;
 use sim::functions::{hypot, log10, powi};
 use std::collections::BTreeMap;
@@ -62,28 +64,51 @@ enum Keys {
     Pairs,
 }
 
-/// The tables of the file, in their order.
-const KINDS: [Kind; 11] = [
-    kind("gyro_scale", Keys::Axes, 0.5, "relative; positive if it reads too much"),
-    kind("gyro_cross", Keys::Cross, 0.5, "xy: share of the rate about y that x reads"),
-    kind("gyro_g_dps", Keys::Pairs, 5.0, "xy: rate that x reads per standard gravity along y, deg/s"),
-    kind("accel_scale", Keys::Axes, 0.5, "relative; positive if it reads too much"),
-    kind("accel_cross", Keys::Cross, 0.5, "xy: share of the force along y that x reads"),
-    kind("accel_offset_g", Keys::Axes, 1.0, "in standard gravity"),
-    kind("mounting_deg", Keys::Axes, 30.0, "rotation of the sensor in the body"),
-    kind("angle_random_walk_deg_per_root_s", Keys::Axes, 10.0, "white noise of the gyroscope"),
-    kind(
-        "bias_instability_dps",
-        Keys::Axes,
-        10.0,
-        "instability of the gyroscope's bias: flicker, whose Allan deviation is 0.664 of it",
-    ),
-    kind("bias_walk_dps_per_root_s", Keys::Axes, 10.0, "random walk of the gyroscope's bias"),
-    kind("bias_dps_per_kelvin", Keys::Axes, 10.0, "change of the gyroscope's bias with temperature"),
-];
+macro_rules! kinds {
+    ($($name:ident, $keys:ident, $limit:literal, $comment:literal;)*) => {
+        /// The tables of a file.
+        const KINDS: &[Kind] =
+            &[$(Kind { name: stringify!($name), keys: Keys::$keys, limit: $limit, comment: $comment }),*];
 
-const fn kind(name: &'static str, keys: Keys, limit: f64, comment: &'static str) -> Kind {
-    Kind { name, keys, limit, comment }
+        const KIND: FileKind = FileKind {
+            noun: "sensor file",
+            example: "`biflag sensor turn z` writes one",
+            tables: &[$(stringify!($name)),*],
+            help,
+        };
+
+        /// A file as it is written.
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct File {
+            board_id: u16,
+            date: String,
+            gyro_axes: Exactly<String, 3>,
+            accel_axes: Exactly<String, 3>,
+            $(#[serde(default)] $name: Table,)*
+        }
+
+        impl File {
+            /// Returns the tables in the order of [`KINDS`].
+            fn tables(self) -> [Table; KINDS.len()] {
+                [$(self.$name),*]
+            }
+        }
+    };
+}
+
+kinds! {
+    gyro_scale, Axes, 0.5, "relative; positive if it reads too much";
+    gyro_cross, Cross, 0.5, "xy: share of the rate about y that x reads";
+    gyro_g_dps, Pairs, 5.0, "xy: rate that x reads per standard gravity along y, deg/s";
+    accel_scale, Axes, 0.5, "relative; positive if it reads too much";
+    accel_cross, Cross, 0.5, "xy: share of the force along y that x reads";
+    accel_offset_g, Axes, 1.0, "in standard gravity";
+    mounting_deg, Axes, 30.0, "rotation of the sensor in the body";
+    angle_random_walk_deg_per_root_s, Axes, 10.0, "white noise of the gyroscope";
+    bias_instability_dps, Axes, 10.0, "instability of the gyroscope's bias: flicker, whose Allan deviation is 0.664 of it";
+    bias_walk_dps_per_root_s, Axes, 10.0, "random walk of the gyroscope's bias";
+    bias_dps_per_kelvin, Axes, 10.0, "change of the gyroscope's bias with temperature";
 }
 
 impl Keys {
@@ -105,25 +130,6 @@ impl Keys {
     }
 }
 
-const KIND: FileKind = FileKind {
-    noun: "sensor file",
-    example: "`biflag sensor turn z` writes one",
-    tables: &[
-        KINDS[0].name,
-        KINDS[1].name,
-        KINDS[2].name,
-        KINDS[3].name,
-        KINDS[4].name,
-        KINDS[5].name,
-        KINDS[6].name,
-        KINDS[7].name,
-        KINDS[8].name,
-        KINDS[9].name,
-        KINDS[10].name,
-    ],
-    help,
-};
-
 fn help(key: &str) -> Option<&'static str> {
     Some(match key {
         "board_id" => "give a whole number from 0 to 65535",
@@ -138,57 +144,6 @@ fn help(key: &str) -> Option<&'static str> {
         }
         _ => return None,
     })
-}
-
-/// The layout of the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    board_id: u16,
-    date: String,
-    gyro_axes: Exactly<String, 3>,
-    accel_axes: Exactly<String, 3>,
-    #[serde(default)]
-    gyro_scale: Table,
-    #[serde(default)]
-    gyro_cross: Table,
-    #[serde(default)]
-    gyro_g_dps: Table,
-    #[serde(default)]
-    accel_scale: Table,
-    #[serde(default)]
-    accel_cross: Table,
-    #[serde(default)]
-    accel_offset_g: Table,
-    #[serde(default)]
-    mounting_deg: Table,
-    #[serde(default)]
-    angle_random_walk_deg_per_root_s: Table,
-    #[serde(default)]
-    bias_instability_dps: Table,
-    #[serde(default)]
-    bias_walk_dps_per_root_s: Table,
-    #[serde(default)]
-    bias_dps_per_kelvin: Table,
-}
-
-impl File {
-    /// Returns the tables in the order of [`KINDS`].
-    fn tables(self) -> [Table; KINDS.len()] {
-        [
-            self.gyro_scale,
-            self.gyro_cross,
-            self.gyro_g_dps,
-            self.accel_scale,
-            self.accel_cross,
-            self.accel_offset_g,
-            self.mounting_deg,
-            self.angle_random_walk_deg_per_root_s,
-            self.bias_instability_dps,
-            self.bias_walk_dps_per_root_s,
-            self.bias_dps_per_kelvin,
-        ]
-    }
 }
 
 impl Sensor {
@@ -215,7 +170,7 @@ impl MeasuredSensor {
     /// # Errors
     /// [`PlanError`].
     pub fn load(path: &Path) -> Result<Self, PlanError> {
-        Self::parse(&text_of(path)?, &path.display().to_string())
+        Self::parse(&KIND.read(path)?, &path.display().to_string())
     }
 
     /// Reads the text of a file; errors call the file `name`.
@@ -275,11 +230,6 @@ impl MeasuredSensor {
         let key = ["gyro_axes", "accel_axes"][changed];
         let [was, is] = [self.axes[changed], now[changed]].map(listed);
         Some(format!("it holds for {key} = {was}, and the board has {key} = {is}"))
-    }
-
-    /// Returns whether the gyroscope's scale about axis `i` was measured.
-    pub fn has_scale(&self, i: usize) -> bool {
-        self.get("gyro_scale", AXES[i]).is_some()
     }
 
     /// Returns the sensor: the measured values, and the data sheet for all others.
@@ -372,12 +322,23 @@ impl MeasuredSensor {
     }
 }
 
-/// Returns the text of the sensor file at `path`.
-///
-/// # Errors
-/// [`PlanError`].
-pub fn text_of(path: &Path) -> Result<String, PlanError> {
-    KIND.read(path)
+impl Plan {
+    /// Reads and checks a plan and the robot and sensor files that it names: files on disk, or files inside the program
+    /// ([`plan::Shipped`]).
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn load(path: &Path) -> Result<Self, PlanError> {
+        let text = plan::file::KIND.read(path)?;
+        let mut plan = Self::parse(&text, &path.display().to_string())?;
+        plan.robot = robot::of_plan(path, &plan.robot.name)?;
+        if let Some(sensor) = &mut plan.sensor {
+            let beside = path.parent().unwrap_or(Path::new("")).join(&sensor.name);
+            sensor.text = KIND.read(&beside)?;
+            MeasuredSensor::parse(&sensor.text, &beside.display().to_string())?;
+        }
+        Ok(plan)
+    }
 }
 
 /// Returns the key for the effect of axis j on axis i.
@@ -405,12 +366,6 @@ fn check(kind: &Kind, key: &str, estimate: Estimate, source: &Source) -> Result<
     let cure = format!("give a value from {} to {limit}, and a standard uncertainty from 0 to {limit}", -limit);
     let part = if value.abs() <= limit { "u" } else { "value" };
     Err(source.error_at([name, key, part], what, cure))
-}
-
-fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
-    let [x, y, z] = names;
-    let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);
-    map.is_permutation().then_some(map)
 }
 
 fn listed(axes: AxisMap) -> String {

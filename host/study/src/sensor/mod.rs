@@ -25,7 +25,7 @@ mod still;
 mod synthetic;
 mod turn;
 
-pub use file::{AXES, FILE_NAME, MeasuredSensor, text_of};
+pub use file::{AXES, FILE_NAME, MeasuredSensor};
 pub use parameter::{GROUPS, Group, MOUNTING_YAW, PARAMETERS};
 pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
 pub use reading::RawReading;

@@ -34,16 +34,12 @@ const PATIENCE_S: f64 = 60.0;
 
 /// Why the rest cannot be used.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum StillError {
     /// The sensor moved.
     #[error("the sensor moved after {after_s:.0} of {seconds:.0} s")]
     #[diagnostic(help("lay it where nobody walks or works, away from fans, and start again"))]
-    Moved {
-        /// Time at rest until then.
-        after_s: f64,
-        /// Requested time.
-        seconds: f64,
-    },
+    Moved { after_s: f64, seconds: f64 },
     /// The sensor never came to rest.
     #[error("the sensor was not still within {PATIENCE_S:.0} s")]
     #[diagnostic(help("put it on a table that does not shake, and start again"))]
@@ -51,10 +47,7 @@ pub enum StillError {
     /// The rest is too short.
     #[error("{seconds:.0} s at rest are too short")]
     #[diagnostic(help("give at least 30 s; 600 s and more tell the instability of the bias"))]
-    TooShort {
-        /// Its length.
-        seconds: f64,
-    },
+    TooShort { seconds: f64 },
 }
 
 /// Follows the rest as the readings come in.

@@ -2,6 +2,7 @@
 
 use super::board::IdealBoard;
 use super::motors::Motors;
+use super::trial::instant;
 use super::{Model, ModelError};
 use crate::plan::{Phase, Plan, Setpoint, Trial, board};
 use crate::run;
@@ -14,7 +15,7 @@ use protocol::units::CentiRpm;
 use sim::trial::sample::Sample;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 use thiserror::Error;
 
 /// Delay from an observation until its set-point is in force: half a tick plus the next tick (2.5 + 5 ms), the frame
@@ -206,10 +207,6 @@ impl<'a> Run<'a> {
 }
 
 /// Returns the host time of a modelled trial, which begins at the epoch.
-fn instant(time_s: f64) -> SystemTime {
-    SystemTime::UNIX_EPOCH + Duration::from_secs_f64(time_s)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -240,6 +240,6 @@ fn change(from: (f64, Vector3<f64>), to: (f64, Vector3<f64>)) -> Vector3<f64> {
 }
 
 /// Returns the host time of a modelled trial, which begins at the epoch.
-fn instant(time_s: f64) -> SystemTime {
+pub(super) fn instant(time_s: f64) -> SystemTime {
     SystemTime::UNIX_EPOCH + Duration::from_secs_f64(time_s)
 }
