@@ -58,25 +58,23 @@ impl Group {
         }
     }
 
+    fn place(self, groups: &mut Groups) -> &mut f64 {
+        match self {
+            Self::Stiffness => &mut groups.stiffness,
+            Self::Spacing => &mut groups.spacing,
+            Self::Pitch => &mut groups.pitch,
+            Self::Radius => &mut groups.radius,
+        }
+    }
+
     /// Returns the value of the group.
     pub fn of(self, groups: &Groups) -> f64 {
-        match self {
-            Self::Stiffness => groups.stiffness,
-            Self::Spacing => groups.spacing,
-            Self::Pitch => groups.pitch,
-            Self::Radius => groups.radius,
-        }
+        *self.place(&mut { *groups })
     }
 
     /// Sets the group to a multiple of its published value.
     pub fn set(self, groups: &mut Groups, multiple: f64) {
-        let value = multiple * self.of(&Groups::of(&Robot::published()));
-        match self {
-            Self::Stiffness => groups.stiffness = value,
-            Self::Spacing => groups.spacing = value,
-            Self::Pitch => groups.pitch = value,
-            Self::Radius => groups.radius = value,
-        }
+        *self.place(groups) = multiple * self.of(&Groups::of(&Robot::published()));
     }
 
     /// Returns whether changing this group changes this key of the robot file.

@@ -18,7 +18,7 @@ use super::design::{Design, MAX_POINTS};
 use super::key::Key;
 use super::vary::{DESIGN, VALUES, vary};
 use crate::plan::expand::{SpeedsTable, pairs};
-use crate::plan::file::{self, count_of_phases};
+use crate::plan::file::{self, SessionTable, TrialTable, count_of_phases};
 use crate::plan::source::{FileKind, Source, number};
 use crate::plan::{BoardSettings, MAX_PHASE_S, MIN_RUN_S, PHYSICAL, PlanError, RobotFile, robot};
 use biflag_log::Method;
@@ -104,42 +104,6 @@ struct SweepFile {
     _board: BoardSettings,
 }
 
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-struct SessionTable {
-    name: Option<Spanned<String>>,
-    robot: Option<Spanned<String>>,
-    #[serde(rename = "note")]
-    _note: String,
-    #[serde(rename = "operator")]
-    _operator: String,
-    #[serde(rename = "sensor")]
-    _sensor: Option<String>,
-    #[serde(rename = "seed")]
-    _seed: Option<i64>,
-    #[serde(rename = "repeats")]
-    _repeats: Option<i64>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-struct TrialTable {
-    run: Option<Spanned<f64>>,
-    method: Option<Spanned<Method>>,
-    phases: Option<Spanned<i64>>,
-    reverse: Option<Spanned<Value>>,
-    hand_turn: Option<Spanned<Value>>,
-    phase_deg: Option<Spanned<Value>>,
-    #[serde(rename = "calibrate")]
-    _calibrate: Option<f64>,
-    #[serde(rename = "preroll")]
-    _preroll: Option<f64>,
-    #[serde(rename = "decay")]
-    _decay: Option<f64>,
-    #[serde(rename = "rest_at_most")]
-    _rest_at_most: Option<f64>,
-}
-
 impl SweepPlan {
     /// Reads and checks a plan and the robot file that it names.
     ///
@@ -209,13 +173,17 @@ impl SweepPlan {
 
 /// Refuses settings that would change the steady state of a trial but that a sweep does not support.
 fn check_constant(table: &TrialTable, source: &Source) -> Result<(), PlanError> {
-    for (key, value, cure) in [
-        ("reverse", &table.reverse, "leave it out: a point has constant speeds"),
-        ("hand_turn", &table.hand_turn, "leave it out: a point has no hand"),
-        ("phase_deg", &table.phase_deg, "give the number of starting phases instead, such as phases = 4"),
+    for (key, span, cure) in [
+        ("reverse", table.reverse.as_ref().map(Spanned::span), "leave it out: a point has constant speeds"),
+        ("hand_turn", table.hand_turn.as_ref().map(Spanned::span), "leave it out: a point has no hand"),
+        (
+            "phase_deg",
+            table.phase_deg.as_ref().map(Spanned::span),
+            "give the number of starting phases instead, such as phases = 4",
+        ),
     ] {
-        if let Some(value) = value {
-            return Err(source.error(value.span(), format!("a sweep has no {key}"), cure));
+        if let Some(span) = span {
+            return Err(source.error(span, format!("a sweep has no {key}"), cure));
         }
     }
     Ok(())
