@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, finding_line};
-use super::options::{ClosureName, cores, written_as};
+use super::options::{closure, cores, written_as};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
@@ -12,6 +12,7 @@ use crate::twin;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::body::closure::Closure;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,8 +43,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE|NAME")]
     robot: Option<PathBuf>,
     /// The closure; by default the closure of the first log's model, or `full`.
-    #[arg(long, value_enum)]
-    closure: Option<ClosureName>,
+    #[arg(long, value_parser = closure())]
+    closure: Option<Closure>,
     /// Number of parallel simulations; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -83,7 +84,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         left_out.extend(without_trial);
     }
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
+    let request = Request { robot, closure: args.closure, parameters, jobs };
 
     let fitted = if request.parameters.is_empty() { USUAL_PARAMETERS } else { request.parameters.len() };
     let simulations = USUAL_ROUNDS * (fitted + 1) * logs.len();

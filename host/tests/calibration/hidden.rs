@@ -2,8 +2,8 @@
 
 use biflag_log::schema::biflag::{self, event::Kind};
 use biflag_log::{End, FORMAT, ModelMeta, Summary, TrialMeta};
+use host::plan::FittedParameter;
 use host::trial::{Collector, Data, Records, Want};
-use host::twin::calibrate::Estimate;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -107,8 +107,8 @@ impl Hidden {
         Self { robot, mount_yaw_deg: draw.within(-5.0, 5.0), mount_tilt_deg, ..Self::default() }
     }
 
-    pub fn value(&self, estimate: &Estimate) -> f64 {
-        match estimate.name {
+    pub fn value(&self, estimate: &FittedParameter) -> f64 {
+        match estimate.name.as_str() {
             "tether" => self.robot.joint.tether_full_nm_per_rad,
             "righting" => self.robot.base.mass_centre_below_joint_m,
             "drag" => self.robot.base.rotational_drag,

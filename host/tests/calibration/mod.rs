@@ -37,7 +37,7 @@ fn fitted(start: &Robot, parameters: &[Parameter], trials: &[Data]) -> Result<Ca
 #[derive(Default)]
 struct Coverage {
     fits: usize,
-    each: Vec<(&'static str, usize, f64, f64)>,
+    each: Vec<(String, usize, f64, f64)>,
     all: usize,
 }
 
@@ -51,7 +51,7 @@ impl Coverage {
             let held = (low..=high).contains(&truth);
             all &= held;
             if self.each.len() <= i {
-                self.each.push((estimate.name, 0, 0.0, 0.0));
+                self.each.push((estimate.name.clone(), 0, 0.0, 0.0));
             }
             let (_, count, errors, stated) = &mut self.each[i];
             *count += usize::from(held);
@@ -289,7 +289,7 @@ fn find_phases(phase_deg: [f64; 2], speeds: &[[f64; 2]]) {
     let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
     let calibration = fitted(&Robot::published(), &[Parameter::Phase], &trials).unwrap();
     assert_eq!(
-        calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
+        calibration.parameters.iter().map(|estimate| estimate.name.as_str()).collect::<Vec<_>>(),
         ["phase", "phase-both"]
     );
     for estimate in &calibration.parameters {

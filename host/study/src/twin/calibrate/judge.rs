@@ -2,10 +2,9 @@
 
 use super::data::FitTrial;
 use super::errors::TrialErrors;
-use super::result::Estimate;
 use super::weights::Weights;
 use super::{ASSUMED_REST_DEG, Blocks, Parameter};
-use crate::plan::MAX_FACTOR;
+use crate::plan::{FittedParameter, MAX_FACTOR};
 use crate::text;
 use nalgebra::DMatrix;
 use sim::accuracy::ModelError;
@@ -32,7 +31,7 @@ const USUAL_QUANTILE: f64 = 3.0;
 
 /// Returns descriptions of the parameters that cannot be separated or are not determined.
 pub(super) fn cannot_tell(
-    estimates: &[Estimate],
+    estimates: &[FittedParameter],
     correlations: &DMatrix<f64>,
     parameters: &[Parameter],
 ) -> Vec<String> {
@@ -41,7 +40,7 @@ pub(super) fn cannot_tell(
         for j in 0..i {
             let correlation = correlations[(i, j)];
             if correlation.abs() > MAX_CORRELATION {
-                let (one, other) = (estimates[j].name, estimates[i].name);
+                let (one, other) = (&estimates[j].name, &estimates[i].name);
                 let mixture = match correlation > 0.0 {
                     _ if parameters[i].is_angle() || parameters[j].is_angle() => "combination",
                     true => "ratio",
@@ -53,7 +52,9 @@ pub(super) fn cannot_tell(
             }
         }
     }
-    for (Estimate { name, unit, value, interval_95: [low, high], .. }, parameter) in estimates.iter().zip(parameters) {
+    for (FittedParameter { name, unit, value, interval_95: [low, high], .. }, parameter) in
+        estimates.iter().zip(parameters)
+    {
         let is_known = if parameter.is_angle() {
             high - low < 2.0 * MAX_ANGLE_DEG
         } else {
@@ -133,7 +134,11 @@ fn model_error_deg(error: &ModelError, trial: &FitTrial, angle: usize) -> f64 {
 }
 
 /// Returns notes about intervals that are much wider than twice the standard error. `quantiles`: one per parameter.
-pub(super) fn wide_quantiles(estimates: &[Estimate], quantiles: &[f64], degrees_of_freedom: f64) -> Option<String> {
+pub(super) fn wide_quantiles(
+    estimates: &[FittedParameter],
+    quantiles: &[f64],
+    degrees_of_freedom: f64,
+) -> Option<String> {
     let wide: Vec<String> = (estimates.iter().zip(quantiles))
         .filter(|(_, quantile)| **quantile > USUAL_QUANTILE)
         .map(|(estimate, quantile)| format!("{} {quantile:.1}", estimate.name))

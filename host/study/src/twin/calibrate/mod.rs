@@ -19,7 +19,7 @@
 //! Econometrica 48, 817; Seber and Wild 2003, Nonlinear Regression, chapter 6). The solver's error is added to them.
 //!
 //! The error of the model is the same in all trials and does not show in their scatter. Its effect on each parameter
-//! ([`Estimate::model_error`]) is part of the interval, but not of the standard error.
+//! ([`FittedParameter::model_error`]) is part of the interval, but not of the standard error.
 
 mod data;
 mod errors;
@@ -38,11 +38,12 @@ mod weights;
 pub use data::FitTrial;
 pub use file::to_toml;
 pub use parameter::Parameter;
-pub use result::{Calibration, Estimate, Fitted, Mounting};
+pub use result::{Calibration, Fitted, Mounting};
 
 use super::TwinError;
 use super::replay::pool;
 use crate::attitude::{student_95, wrapped};
+use crate::plan::FittedParameter;
 use crate::trial::LogFinding;
 use errors::Correlated;
 use levenberg_marquardt::LevenbergMarquardt;
@@ -114,7 +115,6 @@ fn fit(
     let (mut start, closure) = select::start(&mut trials, request, &mut warnings)?;
     warnings.extend(fluid::at_temperatures(&mut trials, &mut start.fluid)?);
     let parameters = select::parameters(&mut trials, &start, &request.parameters, &mut warnings)?;
-
     let simulations = AtomicUsize::new(0);
     let simulated = || {
         simulations.fetch_add(1, Ordering::Relaxed);
@@ -156,19 +156,9 @@ fn fit(
     let estimates = estimates(&problem, &start, &spread);
     let correlations = correlations(&spread.covariance);
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
-    let fitted = |i: usize| Fitted {
-        name: trials[i].name.clone(),
-        log: trials[i].path.clone(),
-        sha256: trials[i].sha256.clone(),
-        origin: trials[i].origin.name(),
-        rmse_before_deg: errors_before[i].each_ref().map(|block| rms(std::iter::once(block))),
-        rmse_after_deg: errors[i].each_ref().map(|block| rms(std::iter::once(block))),
-    };
-    let in_units = |matrix: &DMatrix<f64>| {
-        let per: Vec<f64> =
-            estimates.iter().zip(&parameters).map(|(e, parameter)| parameter.error(e.value, 1.0)).collect();
-        rows(&DMatrix::from_fn(per.len(), per.len(), |i, j| matrix[(i, j)] * per[i] * per[j]))
-    };
+    let per: Vec<f64> = estimates.iter().zip(&parameters).map(|(e, parameter)| parameter.error(e.value, 1.0)).collect();
+    let in_units =
+        |matrix: &DMatrix<f64>| rows(&DMatrix::from_fn(per.len(), per.len(), |i, j| matrix[(i, j)] * per[i] * per[j]));
     let wide = judge::wide_quantiles(&estimates, &spread.quantiles, spread.degrees_of_freedom);
     Ok(Calibration {
         cannot_tell: judge::cannot_tell(&estimates, &correlations, &parameters),
@@ -182,7 +172,7 @@ fn fit(
         rmse_before_deg: rms(errors_before.iter().flatten()),
         rmse_after_deg,
         mounting: mounting(&trials),
-        trials: (0..trials.len()).map(fitted).collect(),
+        trials: fitted(&trials, &errors_before, &errors),
         temperature_c: fluid::mean_c(&trials),
         closure,
         simulations: simulations.load(Ordering::Relaxed),
@@ -192,6 +182,19 @@ fn fit(
         short_of_minimum,
         robot,
     })
+}
+
+fn fitted(trials: &[FitTrial], before: &[Blocks], after: &[Blocks]) -> Vec<Fitted> {
+    let each = |blocks: &Blocks| blocks.each_ref().map(|block| rms(std::iter::once(block)));
+    let one = |((trial, before), after): ((&FitTrial, &Blocks), &Blocks)| Fitted {
+        name: trial.name.clone(),
+        log: trial.path.clone(),
+        sha256: trial.sha256.clone(),
+        origin: trial.origin.name(),
+        rmse_before_deg: each(before),
+        rmse_after_deg: each(after),
+    };
+    trials.iter().zip(before).zip(after).map(one).collect()
 }
 
 /// The uncertainty of the fitted parameters, in the fit's variables.
@@ -250,7 +253,7 @@ impl Spread {
 }
 
 /// Returns the fitted parameters. `start`: the robot before the search for the phases.
-fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<Estimate> {
+fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<FittedParameter> {
     let Given { parameters, closure, .. } = problem.given;
     let one = |(i, parameter): (usize, &Parameter)| {
         let value = parameter.value(problem.start, closure, problem.moved()[i]);
@@ -259,10 +262,10 @@ fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<Estimate>
         let deviation = spread.deviation(i);
         let model_error = spread.model_errors.as_ref().map(|errors| errors[i]);
         let half = hypot(spread.quantiles[i] * deviation, model_error.unwrap_or_default());
-        Estimate {
-            name: parameter.name(),
-            key: parameter.key(closure),
-            unit: parameter.unit(),
+        FittedParameter {
+            name: parameter.name().to_owned(),
+            key: parameter.key(closure).map(str::to_owned),
+            unit: parameter.unit().to_owned(),
             start: parameter.value(start, closure, 0.0),
             value,
             std_error: parameter.error(value, deviation),

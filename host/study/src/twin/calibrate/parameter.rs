@@ -47,18 +47,24 @@ impl Parameter {
         self != Self::Drag || robot.head.shape == HeadShape::Local
     }
 
-    /// Returns the name on the command line.
-    pub fn name(self) -> &'static str {
+    /// Returns its name, the unit of its values, and the relative error that the solver's error causes in it, or the error in
+    /// radians for an angle.
+    fn row(self) -> (&'static str, &'static str, f64) {
         match self {
-            Self::Tether => "tether",
-            Self::Righting => "righting",
-            Self::Drag => "drag",
-            Self::Viscosity => "viscosity",
-            Self::Young => "young",
-            Self::MountYaw => "mount-yaw",
-            Self::Phase => "phase",
-            Self::PhaseBoth => "phase-both",
+            Self::Tether => ("tether", "N m/rad", 0.003),
+            Self::Righting => ("righting", "m", 0.003),
+            Self::Drag => ("drag", "1", 0.05),
+            Self::Viscosity => ("viscosity", "Pa s", 0.003),
+            Self::Young => ("young", "Pa", 0.003),
+            Self::MountYaw => ("mount-yaw", "deg", 0.0),
+            Self::Phase => ("phase", "deg", 0.03),
+            Self::PhaseBoth => ("phase-both", "deg", 0.03),
         }
+    }
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        self.row().0
     }
 
     /// Returns the key in the robot's file; `None` for the mounting of the sensor.
@@ -77,14 +83,7 @@ impl Parameter {
 
     /// Returns the unit.
     pub fn unit(self) -> &'static str {
-        match self {
-            Self::Tether => "N m/rad",
-            Self::Righting => "m",
-            Self::Drag => "1",
-            Self::Viscosity => "Pa s",
-            Self::Young => "Pa",
-            Self::MountYaw | Self::Phase | Self::PhaseBoth => "deg",
-        }
+        self.row().1
     }
 
     /// Returns a positive parameter in a robot; `None` for an angle.
@@ -122,12 +121,7 @@ impl Parameter {
     /// of the drag. Steady tilts are within 0.1 degrees, and change by about 3 degrees per radian of the phase at equal
     /// speeds.
     pub(super) fn solver_error(self) -> f64 {
-        match self {
-            Self::Drag => 0.05,
-            Self::MountYaw => 0.0,
-            Self::Phase | Self::PhaseBoth => 0.03,
-            Self::Tether | Self::Righting | Self::Viscosity | Self::Young => 0.003,
-        }
+        self.row().2
     }
 
     /// Returns the value of the parameter for a value of the fit's variable: the logarithm of its ratio to the start for

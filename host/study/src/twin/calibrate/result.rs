@@ -7,28 +7,6 @@ use sim::body::closure::Closure;
 use sim::params::Robot;
 use std::path::PathBuf;
 
-/// A fitted parameter.
-#[derive(Serialize, Clone, PartialEq, Debug)]
-pub struct Estimate {
-    /// Its name.
-    pub name: &'static str,
-    /// Key in the robot's file.
-    pub key: Option<&'static str>,
-    /// Unit.
-    pub unit: &'static str,
-    /// The value that the fit started from.
-    pub start: f64,
-    /// The fitted value.
-    pub value: f64,
-    /// Standard error from the noise of the measurement, the errors of the sensor and the solver.
-    pub std_error: f64,
-    /// Possible change of the value due to the model's error ([`sim::accuracy`]); `None` if all trials are of a model
-    /// or a simulated robot, which have no such error.
-    pub model_error: Option<f64>,
-    /// 95 % confidence interval: lower and upper bound. It contains the model's error.
-    pub interval_95: [f64; 2],
-}
-
 /// A trial used by the fit.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Fitted {
@@ -62,7 +40,7 @@ pub struct Mounting {
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Calibration {
     /// The parameters.
-    pub parameters: Vec<Estimate>,
+    pub parameters: Vec<FittedParameter>,
     /// Covariance of their errors, in the same order. Units: the row's unit times the column's.
     pub covariance: Vec<Vec<f64>>,
     /// The part of the covariance estimated from the scatter of the residuals.
@@ -108,16 +86,6 @@ pub struct Calibration {
 impl Calibration {
     /// Returns the fit in the form of the robot's file.
     pub fn fit(&self) -> Fit {
-        let of = |estimate: &Estimate| FittedParameter {
-            name: estimate.name.to_owned(),
-            key: estimate.key.map(str::to_owned),
-            unit: estimate.unit.to_owned(),
-            start: estimate.start,
-            value: estimate.value,
-            std_error: estimate.std_error,
-            interval_95: estimate.interval_95,
-            model_error: estimate.model_error,
-        };
         let is_real = self.parameters.iter().any(|estimate| estimate.model_error.is_some());
         Fit {
             closure: self.closure,
@@ -129,7 +97,7 @@ impl Calibration {
             covariance: self.covariance.clone(),
             scatter_covariance: self.scatter_covariance.clone(),
             lacks_correlations: false,
-            parameters: self.parameters.iter().map(of).collect(),
+            parameters: self.parameters.clone(),
         }
     }
 

@@ -12,7 +12,8 @@ use std::path::PathBuf;
 pub(super) const ROUNDING_DEG: f64 = 0.01;
 
 /// A trial compared with its model, or with another trial at the same speeds. `json.rs` defines its keys.
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+#[serde(remote = "Self")]
 pub struct Comparison {
     /// Name of the measured trial.
     pub name: String,
@@ -21,16 +22,22 @@ pub struct Comparison {
     /// Speed of flagellum 2.
     pub w2_rpm: f64,
     /// The measured log.
+    #[serde(serialize_with = "crate::text::path")]
     pub measured: PathBuf,
     /// The modelled log.
+    #[serde(serialize_with = "crate::text::path")]
     pub modelled: PathBuf,
     /// The yaw of both.
+    #[serde(skip)]
     pub yaw: AngleComparison,
     /// The pitch of both.
+    #[serde(skip)]
     pub pitch: AngleComparison,
     /// The roll of both.
+    #[serde(skip)]
     pub roll: AngleComparison,
     /// Why no transient is judged; `None` if every transient with a known uncertainty is.
+    #[serde(skip)]
     pub unjudged: Option<Unjudged>,
     /// Settling times of both.
     pub settling: Settling,
@@ -51,6 +58,7 @@ pub struct Comparison {
     /// Steady errors beyond their uncertainty.
     pub differences: Vec<Difference>,
     /// Whether they are also beyond chance, given the number of tests in the session: see `twin/session`.
+    #[serde(rename = "beyond_chance")]
     pub is_beyond_chance: bool,
     /// Findings about both logs.
     pub findings: Vec<LogFinding>,
@@ -63,6 +71,7 @@ pub struct Comparison {
     /// Warnings about the comparison itself.
     pub warnings: Vec<String>,
     /// The sensors of both; trials with the same sensor share its errors.
+    #[serde(skip)]
     pub(in crate::twin) sensors: [Option<SensorKey>; 2],
 }
 
