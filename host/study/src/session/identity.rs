@@ -7,7 +7,6 @@
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};
-use crate::run::trial_meta;
 use crate::trial::{Finding, FindingKind};
 use biflag_log::{
     BoardMeta, Identity, LogError, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, TrialMeta,
@@ -101,57 +100,7 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
         findings: BTreeMap::new(),
     };
     let mut trials: Vec<Option<usize>> = logs.iter().map(|(_, known)| trial_of(plan, known)).collect();
-    let mut strange: Vec<Option<(String, &str)>> =
-        logs.iter().zip(&trials).map(|((_, known), trial)| of_other_plan(session, known, *trial)).collect();
-
-    let ours = |i: &usize, strange: &[Option<(String, &str)>]| strange[*i].is_none() && trials[*i].is_some();
-    let most_common = |of: &dyn Fn(&Known) -> Option<u32>,
-                       strange: &[Option<(String, &str)>]|
-     -> Option<(u32, String)> {
-        let mut counts: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
-        for i in (0..logs.len()).filter(|i| ours(i, strange)) {
-            if let Some(value) = of(&logs[i].1) {
-                counts.entry(value).or_insert((0, i)).0 += 1;
-            }
-        }
-        // On a tie, recordings come before models, then the first log in the folder.
-        let best =
-            counts.into_iter().max_by_key(|(value, (count, first))| (*count, std::cmp::Reverse((*value, *first))))?;
-        Some((best.0, logs[best.1.1].0.to_owned()))
-    };
-    let origin = |known: &Known| known.origin().map(|origin| origin as u32);
-    if let Some((most, example)) = most_common(&origin, &strange) {
-        for i in 0..logs.len() {
-            let Some(own) = logs[i].1.origin().filter(|own| strange[i].is_none() && *own as u32 != most) else {
-                continue;
-            };
-            let text = format!("was {}, other than {example} and the rest of the session", crate::text::origin(own));
-            strange[i] = Some((text, "move it out of the session"));
-        }
-    }
-    let board = |known: &Known| known.board_id().map(u32::from);
-    if let Some((most, example)) = most_common(&board, &strange) {
-        for i in 0..logs.len() {
-            let Some(own) = logs[i].1.board_id().filter(|own| strange[i].is_none() && u32::from(*own) != most) else {
-                continue;
-            };
-            let text = format!("was recorded with board {own}, and {example} with board {most}");
-            strange[i] = Some((text, "move it out of the session"));
-        }
-    }
-    // Of several copies, the one named after its trial is kept.
-    let mut first: HashMap<(String, String, u32, bool), usize> = HashMap::new();
-    let fits = |i: usize| trials[i].is_some() && named(logs[i].0) == trials[i];
-    let order = (0..logs.len()).filter(|i| fits(*i)).chain((0..logs.len()).filter(|i| !fits(*i)));
-    for i in order {
-        let Some(key) = logs[i].1.key().filter(|_| strange[i].is_none()) else { continue };
-        match first.get(&key) {
-            None => _ = first.insert(key, i),
-            Some(other) => {
-                strange[i] = Some((format!("is a copy of {}", logs[*other].0), "delete it, or repeat its trial"))
-            }
-        }
-    }
+    let mut strange = strange(session, &logs, &trials, &named);
     let mut old = Vec::new();
     for (i, (name, known)) in logs.iter().enumerate() {
         let of_name = named(name);
@@ -187,6 +136,63 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
     Ok(sorted)
 }
 
+/// Why a log is left out, and what to do about it.
+type Strange = Option<(String, &'static str)>;
+
+/// Returns which logs are none of the session's: of another plan, origin or board than the others, or copies.
+fn strange(
+    session: &Session,
+    logs: &[(&str, Known)],
+    trials: &[Option<usize>],
+    named: &dyn Fn(&str) -> Option<usize>,
+) -> Vec<Strange> {
+    let of_plan = |((_, known), trial): (&(&str, Known), &Option<usize>)| of_other_plan(session, known, *trial);
+    let mut strange: Vec<Strange> = logs.iter().zip(trials).map(of_plan).collect();
+    type Said<'a> = &'a dyn Fn(&Known, &str, u32) -> String;
+    let other_origin: Said = &|known, example, _| {
+        let own = crate::text::origin(known.origin().unwrap_or_default());
+        format!("was {own}, other than {example} and the rest of the session")
+    };
+    let other_board: Said = &|known, example, most| {
+        let own = known.board_id().unwrap_or_default();
+        format!("was recorded with board {own}, and {example} with board {most}")
+    };
+    let origin: fn(&Known) -> Option<u32> = |known| known.origin().map(|origin| origin as u32);
+    let board: fn(&Known) -> Option<u32> = |known| known.board_id().map(u32::from);
+    for (of, text) in [(origin, other_origin), (board, other_board)] {
+        let ours = (0..logs.len()).filter(|i| strange[*i].is_none() && trials[*i].is_some());
+        let Some((most, example)) = most_common(ours.filter_map(|i| Some((of(&logs[i].1)?, i)))) else { continue };
+        for (one, (_, known)) in strange.iter_mut().zip(logs).filter(|(one, _)| one.is_none()) {
+            if of(known).is_some_and(|own| own != most) {
+                *one = Some((text(known, logs[example].0, most), "move it out of the session"));
+            }
+        }
+    }
+    // Of several copies, the one named after its trial is kept.
+    let mut first: HashMap<(String, String, u32, bool), usize> = HashMap::new();
+    let fits = |i: usize| trials[i].is_some() && named(logs[i].0) == trials[i];
+    let order = (0..logs.len()).filter(|i| fits(*i)).chain((0..logs.len()).filter(|i| !fits(*i)));
+    for i in order {
+        let Some(key) = logs[i].1.key().filter(|_| strange[i].is_none()) else { continue };
+        match first.get(&key) {
+            None => _ = first.insert(key, i),
+            Some(other) => {
+                strange[i] = Some((format!("is a copy of {}", logs[*other].0), "delete it, or repeat its trial"))
+            }
+        }
+    }
+    strange
+}
+
+/// Returns the value that most logs have, and the first log that has it. On a tie, recordings come before models, then the
+/// first log in the folder.
+fn most_common(values: impl Iterator<Item = (u32, usize)>) -> Option<(u32, usize)> {
+    let mut counts: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
+    values.for_each(|(value, log)| counts.entry(value).or_insert((0, log)).0 += 1);
+    let best = counts.into_iter().max_by_key(|(value, (count, first))| (*count, std::cmp::Reverse((*value, *first))));
+    best.map(|(value, (_, first))| (value, first))
+}
+
 fn identity(text: String, cure: &str) -> Finding {
     Finding::grave(FindingKind::Identity, text, cure)
 }
@@ -202,7 +208,7 @@ fn longest(plan: &Plan, name: &str) -> Option<usize> {
 fn trial_of(plan: &Plan, known: &Known) -> Option<usize> {
     let meta = known.trial.as_ref()?;
     let trial = plan.trials.get(meta.index)?;
-    let mut planned = trial_meta(trial, meta.attempt);
+    let mut planned = trial.meta(meta.attempt);
     if known.origin() == Some(Origin::Model) {
         // The log of a steady state contains one of its periods.
         let TrialMeta { calibrate_s, preroll_s, run_s, decay_s, .. } = *meta;

@@ -2,17 +2,15 @@
 
 use super::bounds;
 use super::clock;
-use super::data::{Data, Event, LinkSecond, MOTORS, Records, Want};
+use super::data::{Data, Event, LinkSecond, Records, Want};
 use super::imported;
 use super::shapes::Shapes;
-use crate::attitude::{Columns, Reading};
+use crate::attitude::Reading;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{self, Motor, Telemetry};
-use biflag_log::{Condition, LONGEST_TRIAL_S, LinkStats, Origin};
+use biflag_log::{LONGEST_TRIAL_S, LinkStats, Origin};
 use protocol::GENUINE_IMU_ID;
 use protocol::units::{Q15, Quaternion, TemperatureCounts};
-use sim::trial::quantity::SAMPLE_COLUMNS;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Maximum number of stored events.
@@ -25,17 +23,7 @@ pub struct Collector {
     format: u32,
     /// Time of the last frame.
     last_s: Option<f64>,
-    readings: Vec<(f64, Reading)>,
-    calibrated: usize,
-    motors: Columns<MOTORS>,
-    truth: Columns<5>,
-    forces: Columns<SAMPLE_COLUMNS>,
-    shapes: Shapes,
-    events: Vec<Event>,
-    more_events: usize,
-    phases: Vec<(String, f64)>,
-    link: LinkStats,
-    link_seconds: Vec<LinkSecond>,
+    data: Data,
     /// The board's counters in the last frame.
     counters: Option<[u32; 4]>,
     /// When the motors got their target speeds.
@@ -49,13 +37,14 @@ pub struct Collector {
 impl Collector {
     /// Creates an empty collector for a log of this format.
     pub fn new(want: Want, format: u32) -> Self {
-        Self { want, format, shapes: Shapes::new(want.shapes), ..Self::default() }
+        let data = Data { shapes: Shapes::new(want.shapes), ..Data::default() };
+        Self { want, format, data, ..Self::default() }
     }
 
     /// Adds a frame of telemetry.
     pub fn telemetry(&mut self, frame: &Telemetry) {
         let time_s = frame.time_s;
-        self.link.samples += 1;
+        self.data.link.samples += 1;
         // A frame whose clock goes back or jumps far ahead is damaged.
         if !(0.0..=LONGEST_TRIAL_S).contains(&time_s) || self.last_s.is_some_and(|last| last >= time_s) {
             return;
@@ -64,11 +53,11 @@ impl Collector {
         self.frames += 1;
         self.temperature_sum += frame.temperature_c;
         if let Some(reading) = self.reading(frame).filter(|_| frame.imu_fresh) {
-            self.readings.push((time_s, reading));
+            self.data.readings.push((time_s, reading));
         }
         if let (Some(one), Some(two)) = (&frame.motor1, &frame.motor2) {
             let Motor { target_rpm, speed_rpm, turns, .. } = *one;
-            self.motors.push(time_s, [target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns]);
+            self.data.motors.push(time_s, [target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns]);
             if self.ordered_s.is_none() && (target_rpm != 0.0 || two.target_rpm != 0.0) {
                 self.ordered_s = Some(time_s);
             }
@@ -89,7 +78,7 @@ impl Collector {
     /// Adds the unrounded state of a modelled robot.
     pub fn truth(&mut self, truth: &biflag::Truth) {
         let row = [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
-        self.truth.push(truth.time_s, row);
+        self.data.truth.push(truth.time_s, row);
     }
 
     /// Adds the forces of a modelled robot.
@@ -97,7 +86,7 @@ impl Collector {
         if !self.want.forces {
             return;
         }
-        self.forces.push(forces.time_s, forces.columns());
+        self.data.forces.push(forces.time_s, forces.columns());
     }
 
     /// Adds the centre lines of both flagella, body axes, m.
@@ -106,32 +95,32 @@ impl Collector {
             let [.., one, two] = columns else { return None };
             Some([*one.last()?, *two.last()?])
         };
-        let turns = last(&self.truth.values).or_else(|| last(&self.motors.values)).unwrap_or_default();
-        self.shapes.push(time_s, turns, lines);
+        let turns = last(&self.data.truth.values).or_else(|| last(&self.data.motors.values)).unwrap_or_default();
+        self.data.shapes.push(time_s, turns, lines);
     }
 
     /// Adds an event.
     pub fn event(&mut self, time_s: f64, kind: Kind, text: &str) {
         match kind {
-            Kind::Calibration => self.calibrated = self.readings.len(),
+            Kind::Calibration => self.data.calibrated = self.data.readings.len(),
             Kind::Phase => {
                 if text == "run" {
                     self.ordered_s = None;
                 }
-                self.phases.push((text.to_owned(), time_s));
+                self.data.phases.push((text.to_owned(), time_s));
             }
             _ => {}
         }
-        if self.events.len() < MAX_EVENTS {
-            self.events.push(Event { time_s, kind, text: text.to_owned() });
+        if self.data.events.len() < MAX_EVENTS {
+            self.data.events.push(Event { time_s, kind, text: text.to_owned() });
         } else {
-            self.more_events += 1;
+            self.data.more_events += 1;
         }
     }
 
     /// Adds a number of lost telemetry frames.
     pub fn dropout(&mut self, time_s: f64, count: u32) {
-        self.link.lost = self.link.lost.saturating_add(count.into());
+        self.data.link.lost = self.data.link.lost.saturating_add(count.into());
         let second = self.second(time_s);
         second.lost = second.lost.saturating_add(count);
     }
@@ -139,7 +128,7 @@ impl Collector {
     /// Adds a command that was sent `attempts` times.
     pub fn command(&mut self, time_s: f64, attempts: u32) {
         let retries = attempts.saturating_sub(1);
-        self.link.retries = self.link.retries.saturating_add(retries.into());
+        self.data.link.retries = self.data.link.retries.saturating_add(retries.into());
         let second = self.second(time_s);
         second.retries = second.retries.saturating_add(retries);
     }
@@ -151,7 +140,7 @@ impl Collector {
         }
         let mut warnings = Vec::new();
         let marks = bounds::Marks {
-            phases: &self.phases,
+            phases: &self.data.phases,
             ordered_s: self.ordered_s,
             fault: self.fault.as_ref(),
             trial: records.trial.as_ref(),
@@ -161,50 +150,37 @@ impl Collector {
         };
         let times = bounds::times(&marks, &mut warnings);
         // Without the event of the calibration, the readings before the still phase may have another bias.
-        let calibrated = match self.calibrated {
+        let calibrated = match self.data.calibrated {
             0 if records.calibration.is_some() => {
-                self.readings.partition_point(|(time, _)| *time < times.preroll.start)
+                self.data.readings.partition_point(|(time, _)| *time < times.preroll.start)
             }
             calibrated => calibrated,
         };
         clock::correct(Data {
             path: path.to_owned(),
-            link: link(self.link, records.summary.as_ref().map(|summary| summary.link)),
+            link: link(self.data.link, records.summary.as_ref().map(|summary| summary.link)),
             times,
             temperature_c: self.temperature_sum / self.frames.max(1) as f64,
             records,
-            readings: self.readings,
             calibrated,
-            motors: self.motors,
-            truth: self.truth,
-            forces: self.forces,
-            shapes: self.shapes,
-            events: self.events,
-            more_events: self.more_events,
-            phases: self.phases,
-            link_seconds: self.link_seconds,
             duration_s: self.last_s.unwrap_or_default(),
-            channels: BTreeMap::new(),
-            condition: Condition::Clean,
-            rewritten_by: None,
-            losses: Vec::new(),
-            sha256: None,
             warnings,
-            identity: Vec::new(),
+            ..self.data
         })
     }
 
     /// Converts the states measured by other instruments into the readings of an imported trial.
     fn take_import(&mut self, records: &Records) {
-        let states = std::mem::take(&mut self.truth);
+        let states = std::mem::take(&mut self.data.truth);
         let celsius = records.import.as_ref().and_then(|import| import.temperature_c).unwrap_or(f64::NAN);
         let trial = records.trial.clone().unwrap_or_default();
-        let [run, after] = ["run", "decay"].map(|name| self.phases.iter().find(|(phase, _)| phase == name));
+        let [run, after] = ["run", "decay"].map(|name| self.data.phases.iter().find(|(phase, _)| phase == name));
         let run = run.map_or(f64::INFINITY, |(_, start)| *start)..after.map_or(f64::INFINITY, |(_, start)| *start);
-        (self.readings, self.motors) = imported::readings(&states, celsius, &run, [trial.w1_rpm, trial.w2_rpm]);
+        (self.data.readings, self.data.motors) =
+            imported::readings(&states, celsius, &run, [trial.w1_rpm, trial.w2_rpm]);
         self.last_s = states.time_s.last().copied();
         (self.frames, self.temperature_sum) = (1, celsius);
-        self.link.samples = states.len() as u64;
+        self.data.link.samples = states.len() as u64;
     }
 
     /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if the frame has no
@@ -232,10 +208,10 @@ impl Collector {
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {
         let index = time_s.clamp(0.0, LONGEST_TRIAL_S) as usize;
-        if self.link_seconds.len() <= index {
-            self.link_seconds.resize(index + 1, LinkSecond::default());
+        if self.data.link_seconds.len() <= index {
+            self.data.link_seconds.resize(index + 1, LinkSecond::default());
         }
-        &mut self.link_seconds[index]
+        &mut self.data.link_seconds[index]
     }
 }
 

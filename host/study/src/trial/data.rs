@@ -152,7 +152,7 @@ pub struct LinkSecond {
 
 /// A trial, read from its log. Times are seconds since its first frame, by the board's clock. If pings have measured
 /// the rate of that clock, times and speeds are corrected.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Data {
     /// Path of the log.
     pub path: PathBuf,

@@ -40,7 +40,7 @@ const MAX_GAP_S: f64 = 0.05;
 const REVERSAL_S: f64 = 1.0;
 
 /// The attitude of a trial relative to its zero. Times are on the log's clock.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Zeroed {
     /// Yaw (unwrapped), pitch, roll, degrees.
     pub angles_deg: Columns<3>,
@@ -63,9 +63,10 @@ pub struct Zeroed {
 }
 
 /// The known errors of the angles.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 enum Known {
     /// A model has none.
+    #[default]
     Exact,
     /// Errors of the board's sensor.
     Sensor(Box<Errors>),
@@ -107,15 +108,10 @@ impl Zeroed {
         data.readings.iter().for_each(|(time, reading)| series.push(*time, reading));
         Self {
             angles_deg: Columns { time_s: data.truth.time_s.clone(), values: [yaw, pitch, roll] },
-            zero_deg: [0.0; 3],
             run: data.times.run.clone(),
             from_s: data.times.run.start,
             turned_deg: series.turned_deg(),
-            steady: None,
-            rest: AtRest::default(),
-            known: Known::Exact,
-            is_unsure: false,
-            yaw_uncertainty_deg: Columns::default(),
+            ..Self::default()
         }
     }
 
@@ -194,11 +190,9 @@ impl Zeroed {
             run,
             from_s,
             turned_deg,
-            steady: None,
             rest,
             known: Known::Sensor(Box::new(errors)),
-            is_unsure: false,
-            yaw_uncertainty_deg: Columns::default(),
+            ..Self::default()
         }
     }
 
@@ -241,11 +235,9 @@ impl Zeroed {
             run,
             from_s,
             turned_deg,
-            steady: None,
             rest,
             known: Known::Stated(stated),
-            is_unsure: false,
-            yaw_uncertainty_deg: Columns::default(),
+            ..Self::default()
         }
     }
 
