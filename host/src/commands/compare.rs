@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::finding_line;
-use super::options::{ClosureName, cores, written_as};
+use super::options::{closure, cores, written_as};
 use crate::plan::robot;
 use crate::report::{self, ByteBudget, Kind, View};
 use crate::session::{Session, Sharing};
@@ -13,6 +13,7 @@ use crate::twin::{
     self, AngleComparison, Comparison, OnMismatch, Pairs, Replayed, SessionAngle, SessionComparison, Source,
 };
 use serde::Serialize;
+use sim::body::closure::Closure;
 use sim::trial::Options;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -37,8 +38,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "b")]
     robot: Option<PathBuf>,
     /// Replay with this closure; by default the closure of the log's model, or `full`.
-    #[arg(long, value_enum, conflicts_with = "b")]
-    closure: Option<ClosureName>,
+    #[arg(long, value_parser = closure(), conflicts_with = "b")]
+    closure: Option<Closure>,
     /// The page to write; by default compare.html in the session folder, or LOG.compare.html.
     #[arg(short, long, value_name = "FILE", value_parser = written_as(&["html"]))]
     out: Option<PathBuf>,
@@ -119,7 +120,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     let interrupted = interruption()?;
     let source = Source::open(&args.a)?;
     let settings = twin::Settings {
-        closure: args.closure.map(Into::into),
+        closure: args.closure,
         robot: args.robot.as_deref().map(robot::load).transpose()?,
         options: Options { rate_hz: twin::REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
         any_rate: true,

@@ -156,7 +156,15 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
     if let Some(recovery) = &records.recovery {
         lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
     }
-    let condition = match (data.condition, &data.rewritten_by) {
+    lines.add("condition", condition(data, is_open));
+    for loss in data.losses.iter().filter(|_| !is_open) {
+        lines.add("  lost", loss);
+    }
+    lines.0
+}
+
+fn condition(data: &Data, is_open: bool) -> String {
+    match (data.condition, &data.rewritten_by) {
         _ if is_open => "being recorded".to_owned(),
         (Condition::Rewritten, Some(program)) => format!("rewritten by {program}, whole"),
         (Condition::Clean | Condition::Rewritten, _) => "clean".to_owned(),
@@ -164,12 +172,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
         (Condition::Damaged, _) => {
             "damaged; `biflag recover` writes an intact log from the part that can be read".to_owned()
         }
-    };
-    lines.add("condition", condition);
-    for loss in data.losses.iter().filter(|_| !is_open) {
-        lines.add("  lost", loss);
     }
-    lines.0
 }
 
 fn ending(summary: &Summary) -> String {

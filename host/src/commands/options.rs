@@ -4,42 +4,25 @@ use crate::output::{ending, has_ending};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use crate::sweep::Shard;
 use biflag_log::Method;
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use protocol::units::CentiRpm;
+use serde::de::DeserializeOwned;
 use sim::body::closure::Closure;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum ClosureName {
-    Full,
-    Lumped,
-    Paper,
+/// Reads the name of a closure.
+pub fn closure() -> impl TypedValueParser<Value = Closure> {
+    PossibleValuesParser::new(["full", "lumped", "paper"]).try_map(of_name)
 }
 
-impl From<ClosureName> for Closure {
-    fn from(name: ClosureName) -> Self {
-        match name {
-            ClosureName::Full => Self::Full,
-            ClosureName::Lumped => Self::Lumped,
-            ClosureName::Paper => Self::Paper,
-        }
-    }
+/// Reads the name of a method.
+pub fn method() -> impl TypedValueParser<Value = Method> {
+    PossibleValuesParser::new(["trial", "steady"]).try_map(of_name)
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum MethodName {
-    Trial,
-    Steady,
-}
-
-impl From<MethodName> for Method {
-    fn from(name: MethodName) -> Self {
-        match name {
-            MethodName::Trial => Self::Trial,
-            MethodName::Steady => Self::Steady,
-        }
-    }
+fn of_name<T: DeserializeOwned>(name: String) -> serde_json::Result<T> {
+    serde_json::from_value(name.into())
 }
 
 /// Parses two values with a comma between them, each with `one`. `form`: the error for text of another form.

@@ -7,7 +7,7 @@ use crate::colour;
 use crate::commands::answer::{Answer, Outcome};
 use crate::commands::ask::ask;
 use crate::commands::{settings, virtual_board};
-use crate::link::{self, Link, LinkError};
+use crate::link::{Link, LinkError};
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
@@ -45,10 +45,7 @@ pub(super) fn run(args: &Args) -> miette::Result<Answer> {
         }
         false => None,
     };
-    let port = match &nano {
-        Some(nano) => nano.port().to_owned(),
-        None => link::choose_port(args.port.as_deref())?,
-    };
+    let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     // The EEPROM of the emulated board is blank at each start, so there is nothing to keep of it.
     let copies = if nano.is_some() { None } else { BoardCopies::of_user() };
     match test(args, &port, copies.as_ref(), &interrupted) {

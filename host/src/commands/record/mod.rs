@@ -8,7 +8,7 @@ use super::findings::finding_line;
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
 use super::{board_sensor, plan, settings, virtual_board};
-use crate::link::{self, Link, LinkError};
+use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
 use crate::preview::{Preview, amount, end_after};
@@ -21,14 +21,13 @@ use crate::signals::interruption;
 use crate::text;
 use crate::trial::{LogFinding, Want};
 use biflag_log::{BoardMeta, Origin};
-use miette::Report;
 use protocol::Command;
 use protocol::units::CentiRpm;
 use row::RecordedTrial;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 use system::shell;
 use viewers::Viewers;
@@ -116,53 +115,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return plan::preview(&plan);
     }
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
-    // What is asked of the board besides is checked against the session's.
-    let is_plain =
-        args.faults.is_empty() && args.sensor.is_default() && args.live.is_none() && !args.open && args.speed == "max";
-    if args.resume && is_plain && args.r#virtual == Some(None) && folder.join(MANIFEST).exists() {
-        let session = Session::resume(&folder, &plan)?;
-        // A session that is complete needs no board, and so no firmware.
-        if session.states()?.iter().all(|state| state.complete().is_some()) {
-            let states = session.checked_states()?;
-            session.expect_same_rig(&states, Origin::VirtualRig, None, None)?;
-            let (recorded, todo) = Recorded::of(folder.clone(), states)?;
-            if todo.is_empty() {
-                recorded.say_left_out(&Progress::new(0.0));
-                return Answer::new(recorded.outcome(), &recorded, recorded.end(recorded.outcome(), 0));
-            }
-        }
+    if let Some(answer) = complete(args, &plan, &folder)? {
+        return Ok(answer);
     }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
-    let nano = match &args.r#virtual {
-        Some(imu) => Some(start_virtual(args, imu.as_ref(), &plan)?),
-        None => None,
+    let Connected { link, mut player, robot, notes } = match connect(args, &mut plan, &interrupted) {
+        Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
+            return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted");
+        }
+        connected => connected?,
     };
-    let port = match &nano {
-        Some(nano) => nano.port().to_owned(),
-        None => link::choose_port(args.port.as_deref())?,
-    };
-    let (mut player, robot) = match (nano, &args.r#virtual) {
-        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, args.sensor.seed(plan.seed))?)),
-        (nano, _) => (nano, None),
-    };
-    let link = match Link::open_unless(&port, &interrupted) {
-        Err(LinkError::Interrupted) => return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted"),
-        link => link?,
-    };
-    let note_of_copy = match args.r#virtual {
-        Some(_) => None,
-        None => check_settings(&link)?,
-    };
-    prepare(&link, &plan)?;
-    let note_of_sensor = board_sensor::complete(&mut plan, &link)?;
-    if args.r#virtual.is_some() {
-        // Its flagella stand at their marks when it gets power.
-        link.command(Command::Align)?;
-    }
-    if plan.has_phases() {
-        park::known(&link)?;
-    }
     // This comes last, so that no folder is created if the board does not respond.
     let session = match args.resume {
         true => Session::resume(&folder, &plan)?,
@@ -178,12 +141,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let trials = states.iter().map(|state| state.trial.clone()).collect();
     let viewers = Viewers::new(live, args.open, &plan, trials, &interrupted)?;
     let (mut recorded, todo) = Recorded::of(folder, states)?;
-    let mut outcome = recorded.outcome();
+    let outcome = recorded.outcome();
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     if let Some(begin) = begin(&todo, origin) {
         progress.line(&begin);
     }
-    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
+    for note in note.into_iter().chain(notes) {
         progress.line(&format!("note: {note}"));
     }
     let preview = Preview::of(&plan, board.angle_deg.is_some());
@@ -191,73 +154,82 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     recorded.say_left_out(&progress);
     viewers.session(&recorded.trials, todo.first());
     viewers.open().iter().for_each(|line| progress.line(line));
-    let (mut stopped, mut failure) = (None, None);
-    for (done, trial) in todo.iter().enumerate() {
-        if interrupted.load(Ordering::Relaxed) {
-            stopped = Some(RecordError::Interrupted);
-            break;
-        }
-        let mut context = RunContext {
-            link: &link,
-            progress: &progress,
-            interrupted: &interrupted,
-            tap: None,
-            player: player.as_mut(),
-            robot: robot.as_ref(),
-        };
-        let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
-        if let Err(error) = check_trial(&context, &recorded.session, rest_s).and_then(|()| park_for(&context, trial)) {
-            stopped = Some(error);
-            break;
-        }
-        viewers.session(&recorded.trials, Some(trial));
-        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin, &viewers) {
-            Ok(run) => run,
-            Err(report) => {
-                failure = Some(report);
-                break;
-            }
-        };
-        progress.end_trial(trial.phases.total_s());
-        let mut row = RecordedTrial::of_run(trial, path, &run, origin);
-        if let (Some(turn), Some(angles)) = (plan.hand_turn, &row.angles) {
-            let (verdict, agrees) = turn.verdict(angles.turned_deg);
-            row.hand_turn = Some(verdict);
-            if !agrees {
-                row.warnings.push("the sensor did not measure the turn made by hand".to_owned());
-            }
-        }
-        progress.line(&row.to_string());
-        if !run.summary.link.is_lossless() || !row.warnings.is_empty() {
-            outcome = Outcome::WithLoss;
-        }
-        recorded.trials.push(row);
-        viewers.session(&recorded.trials, None);
-        if run.error.is_some() {
-            stopped = run.error;
-            break;
-        }
-    }
-    match stopped {
-        None => {}
-        Some(RecordError::Interrupted) => outcome = Outcome::Interrupted,
-        Some(error) => failure = Some(Report::from(error)),
-    }
-    if failure.is_some() || outcome == Outcome::Interrupted {
+    let (link, session, plan, viewers) = (&link, &session, &plan, &viewers);
+    let rig = Rig { link, interrupted: &interrupted, robot: robot.as_ref(), session, plan, origin, viewers };
+    let ended = rig.record(&todo, player.as_mut(), &mut recorded, &mut progress);
+    let outcome = match &ended {
+        Ok(true) => outcome,
+        Ok(false) => Outcome::WithLoss,
+        Err(report) if matches!(report.downcast_ref(), Some(RecordError::Interrupted)) => Outcome::Interrupted,
+        Err(_) => Outcome::Failed,
+    };
+    if ended.is_err() {
         progress.line(&format!("continue with: {}", continuation()));
     }
-    viewers.end(match (&failure, outcome) {
-        (Some(_), _) => "Ended by an error, the motors are stopped. The terminal says more.",
-        (None, Outcome::Interrupted) => "Stopped, the motors are off.",
+    viewers.end(match outcome {
+        Outcome::Failed => "Ended by an error, the motors are stopped. The terminal says more.",
+        Outcome::Interrupted => "Stopped, the motors are off.",
         _ => "Recorded.",
     });
     progress.ring();
     progress.finish();
     recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));
-    match failure {
-        Some(report) => Answer::failed(&recorded, &report),
-        None => Answer::new(outcome, &recorded, recorded.end(outcome, todo.len())),
+    match ended {
+        Err(report) if outcome == Outcome::Failed => Answer::failed(&recorded, &report),
+        _ => Answer::new(outcome, &recorded, recorded.end(outcome, todo.len())),
     }
+}
+
+/// A board that is ready for the trials of a plan.
+struct Connected {
+    link: Link,
+    player: Option<VirtualNano>,
+    robot: Option<SimulatedRobot>,
+    notes: Vec<String>,
+}
+
+/// Connects to the board, and prepares it for the plan.
+fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Result<Connected> {
+    let nano = args.r#virtual.as_ref().map(|imu| start_virtual(args, imu.as_ref(), plan)).transpose()?;
+    let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
+    let (player, robot) = match (nano, &args.r#virtual) {
+        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, plan, args.sensor.seed(plan.seed))?)),
+        (nano, _) => (nano, None),
+    };
+    let link = Link::open_unless(&port, interrupted)?;
+    let note_of_copy = if args.r#virtual.is_some() { None } else { check_settings(&link)? };
+    prepare(&link, plan)?;
+    let note_of_sensor = board_sensor::complete(plan, &link)?;
+    if args.r#virtual.is_some() {
+        // Its flagella stand at their marks when it gets power.
+        link.command(Command::Align)?;
+    }
+    if plan.has_phases() {
+        park::known(&link)?;
+    }
+    Ok(Connected { link, player, robot, notes: note_of_copy.into_iter().chain(note_of_sensor).collect() })
+}
+
+/// Returns the answer about a session of the emulated board that is complete: it needs no board, and so no firmware.
+fn complete(args: &Args, plan: &Plan, folder: &Path) -> miette::Result<Option<Answer>> {
+    // What is asked of the board besides is checked against the session's.
+    let is_plain =
+        args.faults.is_empty() && args.sensor.is_default() && args.live.is_none() && !args.open && args.speed == "max";
+    if !args.resume || !is_plain || args.r#virtual != Some(None) || !folder.join(MANIFEST).exists() {
+        return Ok(None);
+    }
+    let session = Session::resume(folder, plan)?;
+    if !session.states()?.iter().all(|state| state.complete().is_some()) {
+        return Ok(None);
+    }
+    let states = session.checked_states()?;
+    session.expect_same_rig(&states, Origin::VirtualRig, None, None)?;
+    let (recorded, todo) = Recorded::of(folder.to_owned(), states)?;
+    if !todo.is_empty() {
+        return Ok(None);
+    }
+    recorded.say_left_out(&Progress::new(0.0));
+    Answer::new(recorded.outcome(), &recorded, recorded.end(recorded.outcome(), 0)).map(Some)
 }
 
 /// Returns what a session that begins, or continues, has before it; `None` if nothing is left to do.
@@ -324,54 +296,95 @@ impl Recorded {
     }
 }
 
-/// Runs a trial and writes its log. A robot that moves during the calibration has two more attempts to come to rest,
-/// because a session of many hours should not end with one push of the table. Each attempt has a log and a line.
-fn run_trial(
-    context: &mut RunContext,
-    session: &Session,
-    trial: &Trial,
-    plan: &Plan,
+/// What records the trials of a session.
+struct Rig<'a> {
+    link: &'a Link,
+    interrupted: &'a AtomicBool,
+    robot: Option<&'a SimulatedRobot>,
+    session: &'a Session,
+    plan: &'a Plan,
     origin: Origin,
-    viewers: &Viewers,
-) -> miette::Result<(PathBuf, RigRun)> {
-    let mut calibrations = 1;
-    loop {
-        context.tap = viewers.tap(trial);
-        let (path, mut run) = run_attempt(context, session, trial, plan, origin)?;
-        let refused = match &run.error {
-            Some(RecordError::Preflight(refused)) if refused.may_pass_at_rest() => refused.to_string(),
-            _ => return Ok((path, run)),
-        };
-        if calibrations == CALIBRATIONS {
-            return Ok((path, run));
-        }
-        if context.interrupted.load(Ordering::Relaxed) {
-            run.error = Some(RecordError::Interrupted);
-            return Ok((path, run));
-        }
-        calibrations += 1;
-        context.progress.line(&RecordedTrial::of_run(trial, path, &run, origin).to_string());
-        context.progress.line(&format!("{}: {refused}; calibration {calibrations} begins", trial.name));
-    }
+    viewers: &'a Viewers,
 }
 
-/// Runs a trial once.
-fn run_attempt(
-    context: &mut RunContext,
-    session: &Session,
-    trial: &Trial,
-    plan: &Plan,
-    origin: Origin,
-) -> miette::Result<(PathBuf, RigRun)> {
-    let (attempt, path) = session.next_attempt(trial)?;
-    // A calibration changes the board's settings, so each log contains those at its start.
-    let settings = settings::read(context.link)?;
-    let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
-    // The positions of the shafts are those of now.
-    let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
-    let start = run::start(plan, trial, attempt, origin, Some(board), SystemTime::now());
-    let run = rig::run(context, &path, &start, trial, settings)?;
-    Ok((path, run))
+impl Rig<'_> {
+    /// Records trials one after another. Returns whether nothing was lost and nothing is to be warned of.
+    fn record(
+        &self,
+        todo: &[Trial],
+        mut player: Option<&mut VirtualNano>,
+        recorded: &mut Recorded,
+        progress: &mut Progress,
+    ) -> miette::Result<bool> {
+        let mut is_lossless = true;
+        for (done, trial) in todo.iter().enumerate() {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(RecordError::Interrupted.into());
+            }
+            let Self { link, interrupted, robot, .. } = *self;
+            let mut context =
+                RunContext { link, progress, interrupted, tap: None, player: player.as_deref_mut(), robot };
+            let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
+            check_trial(&context, &recorded.session, rest_s)?;
+            park_for(&context, trial)?;
+            self.viewers.session(&recorded.trials, Some(trial));
+            let (path, run) = self.trial(&mut context, trial)?;
+            progress.end_trial(trial.phases.total_s());
+            let mut row = RecordedTrial::of_run(trial, path, &run, self.origin);
+            if let (Some(turn), Some(angles)) = (self.plan.hand_turn, &row.angles) {
+                let (verdict, agrees) = turn.verdict(angles.turned_deg);
+                row.hand_turn = Some(verdict);
+                if !agrees {
+                    row.warnings.push("the sensor did not measure the turn made by hand".to_owned());
+                }
+            }
+            progress.line(&row.to_string());
+            is_lossless &= run.summary.link.is_lossless() && row.warnings.is_empty();
+            recorded.trials.push(row);
+            self.viewers.session(&recorded.trials, None);
+            if let Some(error) = run.error {
+                return Err(error.into());
+            }
+        }
+        Ok(is_lossless)
+    }
+
+    /// Runs a trial and writes its log. A robot that moves during the calibration has two more attempts to come to rest,
+    /// because a session of many hours should not end with one push of the table. Each attempt has a log and a line.
+    fn trial(&self, context: &mut RunContext, trial: &Trial) -> miette::Result<(PathBuf, RigRun)> {
+        let mut calibrations = 1;
+        loop {
+            context.tap = self.viewers.tap(trial);
+            let (path, mut run) = self.attempt(context, trial)?;
+            let refused = match &run.error {
+                Some(RecordError::Preflight(refused)) if refused.may_pass_at_rest() => refused.to_string(),
+                _ => return Ok((path, run)),
+            };
+            if calibrations == CALIBRATIONS {
+                return Ok((path, run));
+            }
+            if context.interrupted.load(Ordering::Relaxed) {
+                run.error = Some(RecordError::Interrupted);
+                return Ok((path, run));
+            }
+            calibrations += 1;
+            context.progress.line(&RecordedTrial::of_run(trial, path, &run, self.origin).to_string());
+            context.progress.line(&format!("{}: {refused}; calibration {calibrations} begins", trial.name));
+        }
+    }
+
+    /// Runs a trial once.
+    fn attempt(&self, context: &mut RunContext, trial: &Trial) -> miette::Result<(PathBuf, RigRun)> {
+        let (attempt, path) = self.session.next_attempt(trial)?;
+        // A calibration changes the board's settings, so each log contains those at its start.
+        let settings = settings::read(context.link)?;
+        let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
+        // The positions of the shafts are those of now.
+        let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
+        let start = run::start(self.plan, trial, attempt, self.origin, Some(board), SystemTime::now());
+        let run = rig::run(context, &path, &start, trial, settings)?;
+        Ok((path, run))
+    }
 }
 
 /// Refuses a board that has forgotten its settings; keeps a copy of those of another. Returns a note for the user.

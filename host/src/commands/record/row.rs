@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 use std::fmt;
 use std::path::PathBuf;
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(super) struct RecordedTrial {
     pub name: String,
     pub w1_rpm: f64,
@@ -71,15 +71,10 @@ impl RecordedTrial {
             log,
             origin: origin.name(),
             link: summary.link,
-            run_start_s: None,
-            run_end_s: None,
             budget: angles.as_ref().map(|angles| angles.budget.clone()).unwrap_or_default(),
             angles,
-            hand_turn: None,
-            findings: Vec::new(),
-            warnings: Vec::new(),
-            notes: Vec::new(),
             complete: summary.end == End::Complete,
+            ..Self::default()
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::super::options::written_as;
 use super::super::virtual_board::SensorArgs;
 use crate::commands::{settings, virtual_board};
-use crate::link::{self, Link, LinkError};
+use crate::link::{Link, LinkError};
 use crate::output::OutputError;
 use crate::plan::board;
 use crate::program;
@@ -68,10 +68,7 @@ impl Bench {
             }
             None => (None, false),
         };
-        let port = match &nano {
-            Some(nano) => nano.port().to_owned(),
-            None => link::choose_port(common.port.as_deref())?,
-        };
+        let port = virtual_board::port(nano.as_ref(), common.port.as_deref())?;
         let link = match Link::open_unless(&port, &interrupted) {
             Err(LinkError::Interrupted) => return Err(RecordError::Interrupted.into()),
             link => link?,

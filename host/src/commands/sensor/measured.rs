@@ -2,6 +2,7 @@
 
 use super::super::answer::{Answer, Outcome};
 use super::bench::{Bench, Kept};
+use crate::run::rig::Followed;
 use miette::Report;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -18,8 +19,11 @@ pub struct Measured {
 }
 
 /// Writes the file and returns the answer.
-pub fn finish(bench: &mut Bench, measured: Measured) -> miette::Result<Answer> {
+pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> miette::Result<Answer> {
     let Measured { mut text, mut json, mut warnings } = measured;
+    if followed.link.lost > 0 {
+        warnings.push(format!("{} frames were lost", followed.link.lost));
+    }
     let kept = bench.save()?;
     if kept == Kept::Failed {
         warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());

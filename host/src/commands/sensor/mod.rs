@@ -27,9 +27,10 @@ enum What {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    match &args.what {
+    let answer = match &args.what {
         What::Turn(args) => turn::run(args),
         What::Poses(args) => poses::run(args),
         What::Still(args) => still::run(args),
-    }
+    };
+    answer.or_else(measured::ended)
 }

@@ -2,7 +2,7 @@
 
 use super::super::options::within;
 use super::bench::{Bench, Common};
-use super::measured::{Measured, ended, finish, percent};
+use super::measured::{Measured, finish, percent};
 use crate::commands::answer::Answer;
 use crate::progress::Progress;
 use serde_json::{Map, json};
@@ -27,10 +27,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let mut bench = match Bench::open(&args.common, "poses") {
-        Ok(bench) => bench,
-        Err(error) => return ended(error),
-    };
+    let mut bench = Bench::open(&args.common, "poses")?;
     let is_replay = bench.is_replay;
     let mut watch = PosesWatch::new(args.seconds);
     let mut progress = Progress::new(6.0);
@@ -63,17 +60,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Ok(step != PoseStep::Done)
     });
     progress.finish();
-    let followed = match followed {
-        Ok(followed) => followed,
-        Err(error) => return ended(error),
-    };
+    let followed = followed?;
     let result = watch.result(args.placement)?;
     result.enter(&mut bench.file);
-    let mut measured = described(&result);
-    if followed.link.lost > 0 {
-        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
-    }
-    finish(&mut bench, measured)
+    let measured = described(&result);
+    finish(&mut bench, measured, &followed)
 }
 
 fn told(step: &PoseStep) -> (String, String) {

@@ -2,7 +2,7 @@
 
 use super::super::options::within;
 use super::bench::{Bench, Common};
-use super::measured::{Measured, ended, finish};
+use super::measured::{Measured, finish};
 use crate::commands::answer::Answer;
 use crate::progress::Progress;
 use serde_json::{Map, json};
@@ -24,10 +24,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let mut bench = match Bench::open(&args.common, "still") {
-        Ok(bench) => bench,
-        Err(error) => return ended(error),
-    };
+    let mut bench = Bench::open(&args.common, "still")?;
     let mut is_started = !bench.is_replay;
     let mut watch = StillWatch::new(args.seconds);
     let progress = Progress::new(args.seconds);
@@ -49,17 +46,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Ok(left_s > 0.0)
     });
     progress.finish();
-    let followed = match followed {
-        Ok(followed) => followed,
-        Err(error) => return ended(error),
-    };
+    let followed = followed?;
     let result = watch.result()?;
     result.enter(&mut bench.file);
-    let mut measured = described(&result);
-    if followed.link.lost > 0 {
-        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
-    }
-    finish(&mut bench, measured)
+    let measured = described(&result);
+    finish(&mut bench, measured, &followed)
 }
 
 fn described(result: &StillResult) -> Measured {

@@ -2,7 +2,7 @@
 
 use super::super::options::within;
 use super::bench::{Bench, Common};
-use super::measured::{Measured, ended, finish, percent};
+use super::measured::{Measured, finish, percent};
 use crate::commands::answer::{Answer, WRONG_USE};
 use crate::progress::Progress;
 use serde_json::json;
@@ -51,10 +51,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return Err(miette::miette!(code = WRONG_USE, help = "turn by 360° or more", "{}° are too few", args.degrees));
     }
     let plan = TurnPlan { axis, degrees: args.degrees, turns: 2 * usize::from(args.repeats) };
-    let mut bench = match Bench::open(&args.common, &format!("turn {}", AXES[axis])) {
-        Ok(bench) => bench,
-        Err(error) => return ended(error),
-    };
+    let mut bench = Bench::open(&args.common, &format!("turn {}", AXES[axis]))?;
     let mut watch = TurnWatch::new(plan);
     let mut hand = Hand { plan, ordered: 0, is_replay: bench.is_replay };
     if let Some(nano) = bench.nano.as_mut().filter(|_| axis != 2) {
@@ -86,18 +83,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Ok(step != TurnStep::Done)
     });
     progress.finish();
-    let followed = match followed {
-        Ok(followed) => followed,
-        Err(error) => return ended(error),
-    };
+    let followed = followed?;
     let clock_error = followed.clock_error.unwrap_or_else(|| bench.emulated_clock_error());
     let result = watch.result(args.reference, &bench.file, clock_error)?;
     result.enter(axis, &mut bench.file);
-    let mut measured = described(&result, &plan);
-    if followed.link.lost > 0 {
-        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
-    }
-    finish(&mut bench, measured)
+    let measured = described(&result, &plan);
+    finish(&mut bench, measured, &followed)
 }
 
 fn instruction(step: TurnStep, plan: &TurnPlan, count: usize) -> String {

@@ -1,8 +1,10 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, MethodName, duration, pair, shard, speeds, within};
+use super::super::options::{closure, duration, method, pair, shard, speeds, within};
 use crate::sweep::Shard;
+use biflag_log::Method;
 use protocol::units::CentiRpm;
+use sim::body::closure::Closure;
 use std::path::PathBuf;
 
 /// Simulate the trials of a plan, one pair of speeds, or a recorded trial, and write a log of each.
@@ -43,14 +45,14 @@ pub struct Args {
     /// other phases. If no repeating motion is found, the simulation continues until the means over both motor angles
     /// are known or the run ends, and the log contains the last window. `kind` in the output is `steady`,
     /// `beating` (the means are known), `not_found`, or `overturned` (the base turned over: no angles).
-    #[arg(long, value_enum, conflicts_with = "from")]
-    pub method: Option<MethodName>,
+    #[arg(long, value_parser = method(), conflicts_with = "from")]
+    pub method: Option<Method>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
     /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
     ///
     /// The default is `full`; with `--from`, the closure of the log's model if it has one.
-    #[arg(long, value_enum)]
-    pub closure: Option<ClosureName>,
+    #[arg(long, value_parser = closure())]
+    pub closure: Option<Closure>,
     /// The robot file, `physical` or `published`, instead of the robot of the plan or the log.
     #[arg(long, value_name = "FILE|NAME")]
     pub robot: Option<PathBuf>,

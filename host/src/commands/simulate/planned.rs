@@ -14,7 +14,6 @@ use crate::signals::interruption;
 use crate::sweep::Shard;
 use crate::text;
 use biflag_log::{Identity, Method, ModelMeta, Origin, last_meta};
-use sim::body::closure::Closure;
 use sim::trial::Options;
 use sim::trial::quantity::SIMULATED;
 use std::path::Path;
@@ -25,7 +24,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let interrupted = interruption()?;
     let plan = plan(args)?;
     let options = Options { rate_hz: args.rate, shapes: args.shapes };
-    let model = Model::of_plan(&plan, args.closure.map_or(Closure::Full, Closure::from), options)?;
+    let model = Model::of_plan(&plan, args.closure.unwrap_or_default(), options)?;
     let mine: Vec<&Trial> = match args.shard {
         Some(Shard { index, of }) => plan.trials.iter().skip(index as usize).step_by(of as usize).collect(),
         None => plan.trials.iter().collect(),
@@ -100,7 +99,7 @@ fn plan(args: &Args) -> miette::Result<Plan> {
         plan.robot = robot::load(path)?;
     }
     if let Some(method) = args.method {
-        plan.method = method.into();
+        plan.method = method;
     }
     if plan.method == Method::Steady && plan.trials.iter().any(|trial| trial.reverse.is_some()) {
         let help = "leave out --method, or remove reverse from the plan";

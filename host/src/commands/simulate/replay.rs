@@ -36,7 +36,7 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let interrupted = interruption()?;
     let source = Source::open(from)?;
     let settings = twin::Settings {
-        closure: args.closure.map(Into::into),
+        closure: args.closure,
         robot: args.robot.as_deref().map(robot::load).transpose()?,
         options: Options { rate_hz: args.rate, shapes: args.shapes },
         any_rate: false,

@@ -4,7 +4,7 @@ use super::super::{board_sensor, record, settings, virtual_board};
 use super::args::Args;
 use super::course::Expected;
 use super::output::Ran;
-use crate::link::{self, Link};
+use crate::link::Link;
 use crate::plan::{Plan, board};
 use crate::progress::Progress;
 use crate::run;
@@ -32,10 +32,7 @@ pub fn steer(
     interrupted: &AtomicBool,
 ) -> miette::Result<(PathBuf, Ran)> {
     let nano = if args.r#virtual { Some(start_virtual(args, plan)?) } else { None };
-    let port = match &nano {
-        Some(nano) => nano.port().to_owned(),
-        None => link::choose_port(args.port.as_deref())?,
-    };
+    let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     let robot = nano.map(|nano| SimulatedRobot::new(nano, plan, args.sensor.seed(None))).transpose()?;
     let link = match &robot {
         Some(robot) if args.lock_step => robot.lock_step()?,
