@@ -461,6 +461,10 @@ fn steady_states_are_solved_for_and_their_logs_hold_one_period() {
             [&solved, &whole].map(|trial| ["deg", "se_deg"].map(|of| trial[format!("{angle}_{of}")].as_f64().unwrap()));
         // Both within their ±.
         assert!((a[0] - b[0]).abs() <= 1.96 * (a[1] + b[1]), "{angle}: {a:?} {b:?}");
+        for (trial, [_, error]) in [(&solved, a), (&whole, b)] {
+            let info = json(&biflag(folder, &["info", trial["log"].as_str().unwrap(), "--json"]));
+            assert_eq!(info["angles"][format!("{angle}_uncertainty_deg")], 2.0 * error, "{angle} in {info}");
+        }
     }
     assert!(solved["simulated_s"].as_f64().unwrap() < 60.0, "{solved}");
     let mut reader = Reader::open(&folder.join(solved["log"].as_str().unwrap())).unwrap();

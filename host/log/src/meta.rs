@@ -417,7 +417,7 @@ mod tests {
             assert!(table.insert(key.to_owned(), value.to_owned()).is_some(), "{key}");
         }
         let read: SteadyMeta = from_table(&table).unwrap();
-        assert_eq!((read.values.angles_deg()[0], read.values.angle_errors_deg()[0]), (-63.7, Some(0.25)));
+        assert_eq!((read.values.angles_deg()[0], read.values.angle_uncertainties_deg()[0]), (-63.7, Some(0.5)));
         assert_eq!(to_table(&read)["force2_n"], "[0.0001,0.0,0.00002]");
         // Their name in older logs.
         table.remove("sweeps");

@@ -48,7 +48,7 @@ class Angles:
     pitch_deg: float
     roll_deg: float
     yaw_uncertainty_deg: float | None
-    """95 % uncertainty of the yaw by its budget; ``None`` for a model, and where it is unknown."""
+    """95 % uncertainty of the yaw by its budget, or as a model states it; ``None`` where it is unknown."""
     pitch_uncertainty_deg: float | None
     """95 % uncertainty of the pitch."""
     roll_uncertainty_deg: float | None

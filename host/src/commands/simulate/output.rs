@@ -130,9 +130,9 @@ impl fmt::Display for SimulatedTrial {
         if steady.is_overturned() {
             return write!(f, ": overturned, so it has no steady attitude{}", bundling(steady));
         }
-        let (angles, errors) = (steady.values.angles_deg(), steady.values.angle_errors_deg());
+        let (angles, uncertainties) = (steady.values.angles_deg(), steady.values.angle_uncertainties_deg());
         for (i, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
-            let uncertainty = errors[i].map_or(String::new(), |error| format!(" ± {}°", text::decimal(2.0 * error, 2)));
+            let uncertainty = uncertainties[i].map_or(String::new(), |deg| format!(" ± {}°", text::decimal(deg, 2)));
             write!(f, "{} {name} {}°{uncertainty}", if i == 0 { ":" } else { "," }, text::decimal(angles[i], 2))?;
         }
         match steady.kind {

@@ -225,10 +225,7 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         format!("imported from {source}, SHA-256 {source_sha256}: {columns}")
     }));
     if data.is_model() {
-        lines.push(
-            "modelled angles are exact: the robot starts upright with a yaw of zero, and no correction was applied"
-                .to_owned(),
-        );
+        lines.push("modelled angles have no correction: the robot starts upright with a yaw of zero".to_owned());
         return with_steady(lines, zeroed);
     }
     let [yaw, pitch, roll] = zeroed.zero_deg;
@@ -369,7 +366,7 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
     for column in quantities(FLAGELLA).filter(|column| column.is_in(Place::Trials)) {
         let of = |trial: &Summary| trial.steady.as_ref().map_or(f64::NAN, |steady| steady.numbers()[column.index()]);
         let (name, about) = (column.name.clone().into(), format!("{}; of a model", column.about()).into());
-        columns.push(Column { name, unit: "".into(), about, values: Values::Exact(trials.iter().map(of).collect()) });
+        columns.push(Column { name, unit: "".into(), about, values: Values::Real(trials.iter().map(of).collect()) });
     }
     Table { header: session_header(name), columns }
 }

@@ -16,6 +16,8 @@ pub struct Steady {
     pub yaw: Option<Budget>,
     /// Uncertainty of pitch, roll and tilt; `None` if unknown, empty for a model.
     pub tilt: Option<[Budget; 3]>,
+    /// 95 % uncertainties of yaw, pitch, roll and tilt that a model states; `None` if it states none, or for a measured trial.
+    pub of_model: Option<[f64; 4]>,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
     /// The averaging window of the angles: see [`sim::trial::means`].
@@ -31,7 +33,7 @@ pub struct Steady {
 pub struct Angles {
     /// Steady yaw relative to the rest before the run, corrected for drift.
     pub yaw_deg: f64,
-    /// 95 % uncertainty of the yaw from its [`Budget`]; `None` for a model, or if it is unknown.
+    /// 95 % uncertainty of the yaw from its [`Budget`], or as a model states it; `None` if it is unknown.
     pub yaw_uncertainty_deg: Option<f64>,
     /// Steady pitch.
     pub pitch_deg: f64,

@@ -228,7 +228,7 @@ fn mean_tilt_deg(angles: &Columns<3>, over: &Range<f64>) -> [f64; 2] {
 }
 
 /// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) with respect to pitch and roll.
-fn tilt_gradient(tilt_deg: [f64; 2]) -> [f64; 2] {
+pub(super) fn tilt_gradient(tilt_deg: [f64; 2]) -> [f64; 2] {
     let [pitch, roll] = tilt_deg.map(f64::to_radians);
     let sine = sin(acos(cos(pitch) * cos(roll)));
     // Upright, all directions are equivalent.

@@ -25,8 +25,9 @@ use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
 use sim::body::attitude::of_euler_zyx;
+use sim::functions::hypot;
 use sim::trial::means::{CHANNELS, SteadyCollector};
-use sim::trial::quantity::{SETTLE, WINDOW};
+use sim::trial::quantity::{SETTLE, Values, WINDOW};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -90,7 +91,7 @@ impl Zeroed {
     pub(super) fn judge(&mut self, is_unsure: bool) {
         self.is_unsure = is_unsure;
         if is_unsure {
-            self.steady.iter_mut().for_each(|steady| (steady.yaw, steady.tilt) = (None, None));
+            self.steady.iter_mut().for_each(|steady| (steady.yaw, steady.tilt, steady.of_model) = (None, None, None));
             return;
         }
         let span = self.span();
@@ -270,11 +271,14 @@ impl Zeroed {
         let steady = self.steady.as_ref()?;
         let [yaw_deg, pitch_deg, roll_deg] = steady.angles_deg;
         let after = self.drift().into_iter().flat_map(|drift| &drift.still).find(|still| still.start >= self.run.end);
-        let measured = |budget: Option<&Budget>| budget.filter(|_| !self.is_model()).map(Budget::uncertainty_deg);
-        let tilt = |k: usize| measured(steady.tilt.as_ref().map(|tilt| &tilt[k]));
+        let known = |k: usize, budget: Option<&Budget>| match self.is_model() {
+            true => steady.of_model.map(|known| known[k]),
+            false => budget.map(Budget::uncertainty_deg),
+        };
+        let tilt = |k: usize| known(k + 1, steady.tilt.as_ref().map(|tilt| &tilt[k]));
         Some(Angles {
             yaw_deg,
-            yaw_uncertainty_deg: measured(steady.yaw.as_ref()),
+            yaw_uncertainty_deg: known(0, steady.yaw.as_ref()),
             pitch_deg,
             pitch_uncertainty_deg: tilt(0),
             roll_deg,
@@ -329,6 +333,7 @@ impl Zeroed {
             angles_deg,
             yaw: self.yaw_budget(middle),
             tilt: self.tilt_budgets(&window),
+            of_model: own.and_then(|own| uncertainties_of_model(&own.values)),
             drift_deg: self.is_recorded().then(|| self.yaw_drift(middle)),
             window,
             settled,
@@ -405,6 +410,13 @@ impl Zeroed {
             _ => None,
         }
     }
+}
+
+/// Returns the 95 % uncertainties of yaw, pitch, roll and tilt that a model states, if it states all.
+fn uncertainties_of_model(values: &Values) -> Option<[f64; 4]> {
+    let ([_, pitch, roll], [of_yaw, of_pitch, of_roll]) = (values.angles_deg(), values.angle_uncertainties_deg());
+    let [by_pitch, by_roll] = errors::tilt_gradient([pitch, roll]);
+    Some([of_yaw?, of_pitch?, of_roll?, hypot(by_pitch * of_pitch?, by_roll * of_roll?)])
 }
 
 /// Returns the readings since the calibration, levelled, with the delay of the sensor's filter removed from their

@@ -81,9 +81,9 @@ impl Values {
         [YAW, PITCH, ROLL].map(|angle| self.get(&angle))
     }
 
-    /// Returns the standard errors of yaw, pitch and roll, degrees.
-    pub fn angle_errors_deg(&self) -> [Option<f64>; 3] {
-        [YAW, PITCH, ROLL].map(|angle| self.errors[angle.start()])
+    /// Returns the 95 % uncertainties of yaw, pitch and roll, degrees: twice their standard errors.
+    pub fn angle_uncertainties_deg(&self) -> [Option<f64>; 3] {
+        [YAW, PITCH, ROLL].map(|angle| self.errors[angle.start()].map(|error| 2.0 * error))
     }
 
     /// Computes what older logs do not state from what they do.

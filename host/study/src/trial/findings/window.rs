@@ -33,10 +33,8 @@ fn unsettled(data: &Data, steady: &Steady) -> Option<String> {
         return None;
     }
     let window_s = steady.window.end - steady.window.start;
-    let of_model = data.records.steady.as_ref().filter(|_| data.is_model());
-    let errors: Option<Vec<f64>> = of_model.and_then(|own| own.values.angle_errors_deg().into_iter().collect());
-    Some(if let Some(errors) = errors {
-        let largest = decimal(2.0 * errors.into_iter().fold(0.0, f64::max), 2);
+    Some(if let Some(known) = steady.of_model {
+        let largest = decimal(known[..3].iter().copied().fold(0.0, f64::max), 2);
         format!(
             "not settled: the angles are what a slow approach has reached by a fit to the last {window_s:.1} s, known to ± \
              {largest}°, not steady values"
