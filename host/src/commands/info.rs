@@ -134,7 +134,8 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
             None => lines.add("settled", "no"),
         }
         let gap_mm = steady.values.get(&MIN_GAP) * 1e3;
-        lines.add("flagella", format!("{}, smallest gap {gap_mm:.2} mm", word(&steady.bundling)));
+        let over = steady.gap_of();
+        lines.add("flagella", format!("{}, smallest gap {gap_mm:.2} mm in the {over}", word(&steady.bundling)));
     }
     if let Some(angles) = &angles {
         match hand_turn(records) {

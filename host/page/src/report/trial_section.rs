@@ -119,7 +119,7 @@ fn tiles(view: &View) -> Markup {
                 }))
             }
             @if let Some(model) = &view.records.steady {
-                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.values.get(&MIN_GAP) * 1e3, 1)) " mm" }))
+                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.values.get(&MIN_GAP) * 1e3, 1)) " mm in the " (model.gap_of()) }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
@@ -214,7 +214,7 @@ fn charts(view: &View) -> Markup {
         }
         (ribbon::figure(&view.data))
         @for (name, error, title) in [
-            ("yaw", "error_yaw", "Yaw ψ from the start of the run, °"),
+            ("yaw", "error_yaw", "Yaw ψ from the start of the run, counter-clockwise from above, °"),
             ("pitch", "error_pitch", "Pitch θ, °"),
             ("roll", "error_roll", "Roll φ, °"),
         ] {

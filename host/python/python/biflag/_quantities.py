@@ -50,11 +50,11 @@ class Quantities:
     contact_share: float
     """Share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial."""
     min_gap_m: float
-    """Least gap between the flagella's surfaces in the run, or since the sample before, negative if they overlap, m."""
+    """Least gap between the flagella's surfaces, negative if they overlap: of the run, of the period, or since the sample before, m."""
     power_w: float
     """Power at the shafts into the liquid, from the mean torques and the target speeds, W."""
     max_penetration_m: float
-    """Largest overlap of the flagella's surfaces in the run, or since the sample before, m."""
+    """Largest overlap of the flagella's surfaces: of the run, of the period, or since the sample before, m."""
     simulated_s: float
     """Simulated time, the search for the steady state included, s."""
     sweeps: int

@@ -125,7 +125,7 @@ pub const CONTACT_SHARE: Quantity = Quantity {
 pub const MIN_GAP: Quantity = Quantity {
     stem: "min_gap",
     unit: "m",
-    about: "least gap between the flagella's surfaces in the run, or since the sample before, negative if they overlap",
+    about: "least gap between the flagella's surfaces, negative if they overlap: of the run, of the period, or since the sample before",
     over_phases: Least,
     not_in: &[Trials],
     level: Some(|s, _| exact(s.min_gap_m)),
@@ -160,7 +160,7 @@ pub const SIMULATED: Quantity = Quantity {
 pub const MAX_PENETRATION: Quantity = Quantity {
     stem: "max_penetration",
     unit: "m",
-    about: "largest overlap of the flagella's surfaces in the run, or since the sample before",
+    about: "largest overlap of the flagella's surfaces: of the run, of the period, or since the sample before",
     over_phases: Largest,
     not_in: &[Sweep, Trials],
     level: Some(|s, _| exact(s.max_penetration_m)),
