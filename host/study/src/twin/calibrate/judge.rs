@@ -153,6 +153,15 @@ pub(super) fn wide_quantiles(
     })
 }
 
+/// Returns a note if the fit has made the errors larger.
+pub(super) fn risen(before_deg: f64, after_deg: f64) -> Option<String> {
+    (after_deg > before_deg).then(|| {
+        "the RMSE is larger after the fit than before: the fit weights the residuals by the errors of trial and sensor, so that \
+         an offset which these explain counts little in the fit, and in full in the RMSE"
+            .to_owned()
+    })
+}
+
 fn independent_values(degrees_of_freedom: f64) -> String {
     if degrees_of_freedom < 1.5 {
         "one independent value".to_owned()

@@ -159,6 +159,8 @@ fn fit(
     let per: Vec<f64> = estimates.iter().zip(&parameters).map(|(e, parameter)| parameter.error(e.value, 1.0)).collect();
     let in_units =
         |matrix: &DMatrix<f64>| rows(&DMatrix::from_fn(per.len(), per.len(), |i, j| matrix[(i, j)] * per[i] * per[j]));
+    let rmse_before_deg = rms(errors_before.iter().flatten());
+    let risen = judge::risen(rmse_before_deg, rmse_after_deg);
     let wide = judge::wide_quantiles(&estimates, &spread.quantiles, spread.degrees_of_freedom);
     Ok(Calibration {
         cannot_tell: judge::cannot_tell(&estimates, &correlations, &parameters),
@@ -169,7 +171,7 @@ fn fit(
         parameters: estimates,
         condition_number: eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE),
         correlations: rows(&correlations),
-        rmse_before_deg: rms(errors_before.iter().flatten()),
+        rmse_before_deg,
         rmse_after_deg,
         mounting: mounting(&trials),
         trials: fitted(&trials, &errors_before, &errors),
@@ -178,7 +180,7 @@ fn fit(
         simulations: simulations.load(Ordering::Relaxed),
         findings,
         warnings,
-        notes: phase::unknown(&trials, &start, &parameters).into_iter().chain(wide).collect(),
+        notes: phase::unknown(&trials, &start, &parameters).into_iter().chain(wide).chain(risen).collect(),
         short_of_minimum,
         robot,
     })

@@ -2,9 +2,10 @@
 
 use super::data::FitTrial;
 use super::{Parameter, Request, TwinError, failed, phase};
-use crate::text::count;
+use crate::text::{count, listed};
 use crate::trial::{Finding, LogFinding};
 use crate::twin::sensor_key::SensorKey;
+use biflag_log::Origin;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 
@@ -33,8 +34,19 @@ pub(super) fn usable(
     if sound.len() < all {
         warnings.push(format!("{} with grave findings left out of the fit", count(all - sound.len(), "trial")));
     }
+    // A model would pull the fit to its own robot.
+    let (modelled, measured): (Vec<_>, Vec<_>) = sound.into_iter().partition(|trial| trial.origin == Origin::Model);
+    let used = if measured.is_empty() {
+        modelled
+    } else {
+        warnings.extend((!modelled.is_empty()).then(|| {
+            let names: Vec<_> = modelled.iter().map(|trial| trial.path.display().to_string()).collect();
+            format!("computed by the model, and left out of the fit to recordings: {}", listed(&names))
+        }));
+        measured
+    };
     let mut each: Vec<FitTrial> = Vec::new();
-    for trial in sound {
+    for trial in used {
         match each.iter_mut().find(|other| trial.is_copy_of(other)) {
             Some(other) => {
                 let [one, two] = [&trial.path, &other.path].map(|path| path.display());
