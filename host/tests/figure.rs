@@ -262,6 +262,10 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["lines", "a", "-o", "x.svg"], "is no sweep"),
         (&["trial", a, "--against", b, "-o", "x.svg"], "the robots differ: fluid.viscosity_pa_s is"),
         (&["map", "a", "--against", "b", "-o", "x.svg"], "the robots differ: fluid.viscosity_pa_s is"),
+        (
+            &["map", "a", "--against", "sweep.csv", "-o", "x.svg"],
+            "a sweep of several robots, here at fluid_viscosity_pa_s=",
+        ),
     ] {
         let output = biflag(folder, &[&["figure"], args].concat());
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

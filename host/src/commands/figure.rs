@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Outcome};
 use super::findings::{are_slight, lines_of_logs};
-use super::options::{span, within};
+use super::options::{named, span, within};
 use crate::colour;
 use crate::figure::{self, COLUMN_MM, Format, MOMENTS, WIDTHS_MM};
 use crate::text::printable;
@@ -157,7 +157,7 @@ impl OneTrial {
 #[derive(clap::Args, Debug)]
 struct Paper {
     /// The file to write; its extension selects the format: .svg, .pdf or .png.
-    #[arg(short, long = "out", alias = "output", value_name = "FILE", value_parser = PathBufValueParser::new().try_map(|file| Format::of(&file).map(|_| file)))]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE", value_parser = PathBufValueParser::new().try_map(|file| named(file, Format::ENDINGS)))]
     output: PathBuf,
     /// Printed width.
     #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = within("millimetres", WIDTHS_MM))]
@@ -199,6 +199,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let is_sound = are_slight(&remarks.findings) && remarks.warnings.is_empty();
     let mut said = lines_of_logs(&remarks.findings);
     remarks.warnings.iter().for_each(|warning| said += &format!("\nwarning: {warning}"));
+    remarks.notes.iter().for_each(|note| said += &format!("\nnote: {note}"));
     // A script takes the name of the file from stdout.
     if !said.is_empty() {
         colour::eprint(&printable(&format!("{}\n", said.trim_start())));

@@ -1,6 +1,6 @@
 //! Options shared by several commands.
 
-use crate::output::{ending, has_ending};
+use crate::output::{OutputError, ending, has_ending};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use crate::sweep::Shard;
 use biflag_log::Method;
@@ -46,8 +46,16 @@ pub fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
 
 /// Returns a parser of the name of a file that is written, which has one of these endings or none.
 pub fn written_as(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new()
-        .try_map(|path| if has_ending(&path) { ending(&path, endings).map(|_| path) } else { Ok(path) })
+    PathBufValueParser::new().try_map(|path| if has_ending(&path) { named(path, endings) } else { Ok(path) })
+}
+
+/// Returns a path that has one of these endings, or what is wrong with it.
+pub fn named(path: PathBuf, endings: &[&str]) -> Result<PathBuf, String> {
+    ending(&path, endings).map(|_| path).map_err(|error| match error {
+        // The line of the argument names the file.
+        OutputError::Ending { endings, .. } => format!("the name must end with {endings}"),
+        other => other.to_string(),
+    })
 }
 
 /// Returns a parser of numbers within a range. `what` names them with their unit.

@@ -148,11 +148,12 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     let marked = map.surface.iter().filter(|point| !point.is_settled).chain(map.points);
     let marks: Vec<[f64; 2]> =
         (marked.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
-    match Grid::of(map.surface) {
+    let grid = Grid::of(map.surface);
+    match &grid {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
             if grid.xs.len().min(grid.ys.len()) >= CONTOUR_NODES {
-                contours(sheet, panel, &grid, &levels, (scale.low, &marks));
+                contours(sheet, panel, grid, &levels, (scale.low, &marks));
             }
         }
         None => {
@@ -170,7 +171,7 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     for [x, y] in map.unknown {
         Mark::Square.draw(sheet, panel.at(*x, *y), "");
     }
-    frame(sheet, panel);
+    frame(sheet, panel, grid.as_ref());
     colour_bar(sheet, panel, &scale, &levels, &shade);
 }
 
@@ -216,9 +217,10 @@ fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], (leas
     }
 }
 
-fn frame(sheet: &mut Sheet, panel: &Panel) {
+fn frame(sheet: &mut Sheet, panel: &Panel, grid: Option<&Grid>) {
     panel.border(sheet);
-    let (across, up) = (panel.x.ticks(4.0), panel.y.ticks(5.0));
+    let across = ticks(&panel.x, grid.map(|grid| &*grid.xs), 4.0);
+    let up = ticks(&panel.y, grid.map(|grid| &*grid.ys), 5.0);
     let bottom = panel.bottom();
     for value in &across {
         let [x, _] = panel.at(*value, panel.y.low);
@@ -232,6 +234,19 @@ fn frame(sheet: &mut Sheet, panel: &Panel) {
     }
     sheet.text(panel.left + 0.5 * panel.width, bottom + 2.5 * FONT_PT, Anchor::Middle, &panel.x.label);
     sheet.upright(panel.left - 16.0, panel.top + 0.5 * panel.height, &panel.y.label);
+}
+
+/// Returns the values of an axis that have labels: the nodes of a grid if they are few, even and whole, or round values. A cell
+/// reaches beyond its point, and nothing is known there.
+fn ticks(axis: &Axis, nodes: Option<&[f64]>, most: f64) -> Vec<f64> {
+    let Some(nodes @ [first, second, ..]) = nodes else { return axis.ticks(most) };
+    let (span, step) = (nodes[nodes.len() - 1] - first, second - first);
+    let room = 0.5 * span / (nodes.len() - 1) as f64;
+    let seen = Axis::new(axis.low + room, axis.high - room, "");
+    let are_even =
+        nodes.windows(2).all(|pair| pair[1] - pair[0] == step) && first.fract() == 0.0 && step.fract() == 0.0;
+    let is_all = seen.high - seen.low < span + room;
+    if nodes.len() <= 5 && are_even && is_all { nodes.to_vec() } else { seen.ticks(most) }
 }
 
 fn colour_bar(sheet: &mut Sheet, panel: &Panel, scale: &Axis, levels: &[f64], shade: &dyn Fn(f64) -> String) {

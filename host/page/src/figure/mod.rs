@@ -127,6 +127,8 @@ pub struct Remarks {
     pub findings: Vec<LogFinding>,
     /// Warnings about what is drawn together.
     pub warnings: Vec<String>,
+    /// Notes on what is drawn.
+    pub notes: Vec<String>,
 }
 
 /// Draws the angles of a trial over time, beside those of `against` with their residuals. `time_s`: the time to show,
@@ -157,7 +159,7 @@ pub fn trial(
     };
     let remarks = match &compared {
         Some(Compared { comparison, .. }) => {
-            Remarks { findings: comparison.findings.clone(), warnings: comparison.warnings.clone() }
+            Remarks { findings: comparison.findings.clone(), warnings: comparison.warnings.clone(), notes: Vec::new() }
         }
         None => Remarks::of(&own),
     };
@@ -167,7 +169,7 @@ pub fn trial(
 
 impl Remarks {
     fn of(trial: &Judged) -> Self {
-        Self { findings: trial.log_findings(), warnings: Vec::new() }
+        Self { findings: trial.log_findings(), ..Self::default() }
     }
 }
 
@@ -244,14 +246,15 @@ pub fn map(
         Some(surface) => (read(surface)?, read(session)?),
         None => (read(session)?, Steady::default()),
     };
-    if let (Some(surface), Some(a), Some(b)) = (surface, &of_points.maker, &of_surface.maker) {
-        remarks.warnings.extend(of_sessions(session, surface, anyway)?.warning(a.difference(b), [session, surface])?);
-    }
-    if let Some(surface) = surface.filter(|_| of_surface.is_varied || of_points.is_varied) {
-        let both = format!("{} and {}", session.display(), surface.display());
-        remarks.warnings.push(format!(
-            "{both}: a sweep of several robots, so nothing says that both are of one robot; check the line below the axes"
-        ));
+    if let Some(surface) = surface {
+        let difference = match (&of_points.maker, &of_surface.maker) {
+            (Some(a), Some(b)) => a.difference(b),
+            _ => of_surface
+                .varied
+                .or(of_points.varied)
+                .map(|at| format!("a sweep of several robots, here at {at}: nothing says that both are of one robot")),
+        };
+        remarks.warnings.extend(of_sessions(session, surface, anyway)?.warning(difference, [session, surface])?);
     }
     let (surface, points) = (of_surface.known, of_points.known);
     let unknown = [of_surface.unknown, of_points.unknown].concat();
@@ -338,7 +341,7 @@ pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -
     let warned = comparison.trials.iter().flat_map(|trial| trial.warnings.iter().map(move |text| (&trial.name, text)));
     let skipped = comparison.skipped.iter().map(|skipped| (&skipped.name, &skipped.reason));
     let warnings = warned.chain(skipped).map(|(name, text)| format!("{name}: {text}")).collect();
-    Ok(Figure { svg, provenance, remarks: Remarks { findings: comparison.findings, warnings } })
+    Ok(Figure { svg, provenance, remarks: Remarks { findings: comparison.findings, warnings, notes: Vec::new() } })
 }
 
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
@@ -386,5 +389,5 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
         Some(Origin::Model) | None => None,
     };
     let one_phase = origin == Some(Origin::Model) && !has_phases(&session.plan().trials);
-    Ok(Steady { known, unknown, one_phase, measured, maker, is_varied: false })
+    Ok(Steady { known, unknown, one_phase, measured, maker, varied: None })
 }

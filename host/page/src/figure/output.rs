@@ -19,12 +19,15 @@ pub enum Format {
 }
 
 impl Format {
+    /// The endings of their names, in the order of the formats.
+    pub const ENDINGS: &[&str] = &["svg", "pdf", "png"];
+
     /// Returns the format that a file's name ends with.
     ///
     /// # Errors
     /// [`OutputError::Ending`].
     pub fn of(path: &Path) -> Result<Self, OutputError> {
-        Ok([Self::Svg, Self::Pdf, Self::Png][ending(path, &["svg", "pdf", "png"])?])
+        Ok([Self::Svg, Self::Pdf, Self::Png][ending(path, Self::ENDINGS)?])
     }
 }
 

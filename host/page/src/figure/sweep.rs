@@ -91,7 +91,8 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64) -> Result<Figure, PageEr
             warnings.push(format!("no curve for {} = {}: no point there has a value", by.name, missing.join(", ")));
         }
     }
-    Ok(Figure { svg, provenance, remarks: Remarks { findings: Vec::new(), warnings } })
+    let notes = note_on_chosen(&fixed, lines.at).into_iter().collect();
+    Ok(Figure { svg, provenance, remarks: Remarks { findings: Vec::new(), warnings, notes } })
 }
 
 /// Returns the values of inputs in words, one line each.
@@ -102,6 +103,19 @@ fn in_words(swept: &Swept, fixed: &[swept::At]) -> Vec<String> {
         format!("{words} {} {unit}", short_number(*value)).trim_end().to_owned()
     };
     fixed.iter().map(said).collect()
+}
+
+/// Returns the values of inputs as `--at` takes them.
+fn in_columns(fixed: &[swept::At]) -> String {
+    fixed.iter().map(|(name, value)| format!("{name}={value}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns a note on the values that the user did not choose.
+fn note_on_chosen(fixed: &[swept::At], at: &[(String, f64)]) -> Option<String> {
+    let is_chosen = |(name, _): &swept::At| at.iter().any(|(given, _)| given == name);
+    let chosen: Vec<_> = fixed.iter().filter(|one| !is_chosen(one)).cloned().collect();
+    (!chosen.is_empty())
+        .then(|| format!("drawn at {}, which most points have: --at chooses another", in_columns(&chosen)))
 }
 
 /// A number with four digits.
@@ -142,8 +156,8 @@ pub(super) struct Steady {
     pub measured: Option<&'static str>,
     /// The robot, if it is known.
     pub maker: Option<Maker>,
-    /// Whether it is one of several in a sweep.
-    pub is_varied: bool,
+    /// The values at which it is drawn, if a sweep has several robots.
+    pub varied: Option<String>,
 }
 
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
@@ -161,6 +175,7 @@ pub(super) fn steady(
     let spreads = ["yaw_spread_deg", "tilt_spread_deg"].map(|name| swept.column(name));
     let spreads: Vec<_> = spreads.into_iter().flatten().collect();
     let (mut rows, fixed) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
+    remarks.notes.extend(note_on_chosen(&fixed, at));
     logs.push(Provenance::file("table", &table));
     for line in in_words(&swept, &fixed) {
         if !under.contains(&line) {
@@ -188,6 +203,6 @@ pub(super) fn steady(
     let folder = folder.map_err(|error| wrong(error.to_string()))?;
     let robot = folder.and_then(|folder| folder.sweep.point(0).robot.ok());
     let maker = robot.map(|robot| Maker { robot, closure: Some(Closure::Full) });
-    let is_varied = !fixed.is_empty();
-    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, measured: None, maker, is_varied })
+    let varied = (!fixed.is_empty()).then(|| in_columns(&fixed));
+    Ok(Steady { known: rows.into_iter().map(point).collect(), unknown, one_phase, measured: None, maker, varied })
 }
