@@ -54,7 +54,7 @@ pub enum RecordError {
     Log(#[from] LogError),
     /// A check before the motors turn failed.
     #[error("{0}")]
-    #[diagnostic(help("{}; then continue with --resume", preflight_cure(.0)))]
+    #[diagnostic(help("{}", preflight_cure(.0)))]
     Preflight(#[from] PreflightError),
     /// Steering ended early.
     #[error(transparent)]
@@ -132,7 +132,8 @@ pub fn fault_cure(fault: Fault) -> &'static str {
 }
 
 fn preflight_cure(error: &PreflightError) -> String {
-    error.help().map(|help| help.to_string()).unwrap_or_default()
+    let cure = error.help().map(|help| help.to_string()).unwrap_or_default();
+    if error.changes_plan() { cure } else { format!("{cure}; then continue with --resume") }
 }
 
 fn silence_cure(cause: Option<ResetCause>) -> &'static str {

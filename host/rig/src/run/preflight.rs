@@ -11,7 +11,7 @@ pub use super::refusal::{LEAST_SUPPLY, PreflightError};
 
 use super::board_copy::BoardCopies;
 use super::error::RecordError;
-use super::refusal::RESERVE_BYTES;
+use super::refusal::{RESERVE_BYTES, is_offset};
 use super::stream;
 use crate::link::Link;
 use biflag_log::ClockMeta;
@@ -136,6 +136,15 @@ impl PreflightError {
     /// Returns whether a push or a swing may be the cause, so that the same robot would pass at rest.
     pub fn may_pass_at_rest(&self) -> bool {
         matches!(self, Self::Moved | Self::Clipped { .. })
+    }
+
+    /// Returns whether the remedy may be another plan, with which `--resume` does not continue a session.
+    pub fn changes_plan(&self) -> bool {
+        match self {
+            Self::MountedAskew { .. } => true,
+            Self::NotGravity { force_g } => is_offset(*force_g),
+            _ => false,
+        }
     }
 }
 

@@ -50,7 +50,8 @@ pub enum PreflightError {
     /// The sensor's axes differ from the settings.
     #[error("the sensor is tilted by {tilt_deg:.1} degrees at rest, too much for a robot that hangs upright")]
     #[diagnostic(help(
-        "set accel_axes and gyro_axes in [board] of the plan to the mounting of the sensor, and let the robot hang freely"
+        "let the robot hang freely and continue with --resume; or set accel_axes and gyro_axes in [board] of the plan to the \
+         mounting of the sensor, and record into another folder with --out"
     ))]
     MountedAskew { tilt_deg: f64 },
     /// Readings at the end of the sensor's range.
@@ -92,10 +93,16 @@ fn settings_cure(port: &str, copies: &[(u16, PathBuf)]) -> String {
     )
 }
 
+/// Returns whether an offset of the accelerometer may give this reading at rest.
+pub(super) fn is_offset(force_g: f64) -> bool {
+    (force_g - 1.0).abs() < LARGEST_OFFSET_G
+}
+
 fn force_cure(force_g: f64) -> &'static str {
-    if (force_g - 1.0).abs() < LARGEST_OFFSET_G {
-        "the accelerometer may have an offset: measure it with `biflag sensor poses`, and record anew with the file that it writes \
-         as `sensor` under [session] of the plan; or check the sensor's supply"
+    if is_offset(force_g) {
+        "the accelerometer may have an offset: measure it with `biflag sensor poses`, name the file that it writes as `sensor` \
+         under [session] of the plan, and record into another folder with --out; or check the sensor's supply and continue with \
+         --resume"
     } else {
         "check accel_range_g in the board's settings and the sensor's supply; a damaged sensor must be replaced"
     }

@@ -150,7 +150,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.line(&format!("note: {note}"));
     }
     let preview = Preview::of(&plan, board.angle_deg.is_some());
-    preview.findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
+    let findings = session.clock_behind().into_iter().chain(preview.findings);
+    findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
     recorded.say_left_out(&progress);
     viewers.session(&recorded.trials, todo.first());
     viewers.open().iter().for_each(|line| progress.line(line));
@@ -163,7 +164,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Err(report) if matches!(report.downcast_ref(), Some(RecordError::Interrupted)) => Outcome::Interrupted,
         Err(_) => Outcome::Failed,
     };
-    if ended.is_err() {
+    let resumes = ended.as_ref().err().is_some_and(|report| {
+        !matches!(report.downcast_ref(), Some(RecordError::Preflight(refused)) if refused.changes_plan())
+    });
+    if resumes {
         progress.line(&format!("continue with: {}", continuation()));
     }
     viewers.end(match outcome {

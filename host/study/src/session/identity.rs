@@ -241,10 +241,27 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
     None
 }
 
+impl Session {
+    /// Returns a finding if the session began later than now: this computer's clock is behind.
+    pub fn clock_behind(&self) -> Option<Finding> {
+        let now = Timestamp::now();
+        let begun = self.begun_after(now)?;
+        let text = format!(
+            "this computer's clock is behind: it is {now:.0} by it, and the session began on {begun}, so its logs will seem older"
+        );
+        Some(Finding::loss(FindingKind::Identity, text, "set the clock"))
+    }
+
+    /// Returns when the session began, if that was after a time.
+    fn begun_after(&self, time: Timestamp) -> Option<Timestamp> {
+        self.created.parse().ok().filter(|begun: &Timestamp| begun.duration_since(time) > CLOCK_STEP)
+    }
+}
+
 /// Returns that a log is older than its session, in words. The clock of a computer may have been behind.
 fn older(session: &Session, name: &str, known: &Known) -> Option<String> {
-    let begun: Timestamp = session.created.parse().ok()?;
-    let created = known.created().filter(|created| begun.duration_since(*created) > CLOCK_STEP)?;
+    let created = known.created()?;
+    let begun = session.begun_after(created)?;
     Some(format!(
         "{name} is of {created}, and the session began on {begun}: the computer's clock was wrong, or it is a log of an earlier session"
     ))
