@@ -153,7 +153,9 @@ fn nothing_is_replaced_and_no_half_session_is_packed() {
         assert!(String::from_utf8_lossy(&output.stderr).contains(why), "{output:?}");
     }
     assert_eq!(std::fs::read_to_string(folder.join("mine.zip")).unwrap(), "mine");
-    assert_eq!(code(&pack(&["--license", "see my page"])), Some(2));
+    for license in ["see my page", "foo"] {
+        assert_eq!(code(&pack(&["--license", license])), Some(2));
+    }
     assert_eq!(code(&biflag(folder, &["pack", "plan.toml"])), Some(2));
 
     let manifest = File::options().read(true).write(true).open(folder.join("session/session.toml")).unwrap();

@@ -1,6 +1,6 @@
 //! Plans: their expansion, and the errors of invalid ones.
 
-use host::plan::{Phases, Plan, PlanError, Trial, board};
+use host::plan::{Phases, Plan, PlanError, Trial, board, note_on_grid};
 use miette::Diagnostic;
 use proptest::prelude::*;
 use std::collections::HashSet;
@@ -56,6 +56,9 @@ fn pair_that_is_also_in_the_grid_runs_once() {
     let mut speeds: Vec<_> = plan.trials.iter().map(|trial| trial.speeds.map(|speed| speed.0)).collect();
     speeds.sort();
     assert_eq!(speeds, [[5000, 0], [5000, 1000], [6000, 0], [6000, 1000]]);
+    assert_eq!(note_on_grid(&plan.text), None);
+    let note = note_on_grid("[speeds]\ngrid = { w1 = [-90, 90, 50], w2 = [0, 0.3, 0.1] }").unwrap();
+    assert_eq!(note, "the steps of the grid end w1 at 60 rpm, not 90");
 }
 
 #[test]

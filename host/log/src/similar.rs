@@ -5,9 +5,14 @@ use std::path::{Path, PathBuf};
 /// Smallest similarity of two names, 0 to 1: 0.75 is one wrong letter, or two that changed places, in four.
 const LEAST: f64 = 0.75;
 
-/// Returns the existing file or folder with the name most similar to a path that does not exist.
+/// Returns the existing file or folder with the name most similar to a path that does not exist: first a file whose ending
+/// `.toml` was left out, as it may be for files inside biflag.
 pub fn similar(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
+    let whole = path.with_added_extension("toml");
+    if whole.is_file() {
+        return Some(whole);
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
     let found = most_alike(name, entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()))?;
@@ -49,6 +54,7 @@ mod tests {
         for (typed, meant) in [
             ("frist.toml", Some("first.toml")),
             ("first.tom", Some("first.toml")),
+            ("first", Some("first.toml")),
             ("glycerin-11", Some("glycerin-1")),
             ("002_w1-90_w2+9.mcap", Some("002_w1-90_w2+90.mcap")),
             ("second.toml", None),

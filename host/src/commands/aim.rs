@@ -10,6 +10,7 @@ use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use serde::Serialize;
 use sim::steady::Kind;
+use sim::steady::phase::Ratio;
 use sim::step::InversesAtRest;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
@@ -195,9 +196,10 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
         text += &if parts.is_empty() { "\n".to_owned() } else { format!(", with {}\n", parts.join(" and ")) };
     }
     let error = decimal(solution.error_deg, 2);
+    let phase = Ratio::of(state.rpm()).map_or("", |_| "; these hold for one starting phase of the flagella");
     let _ = writeln!(
         text,
-        "  tilt   {:>8}°  thrust {} mN, misses by {error}°",
+        "  tilt   {:>8}°  thrust {} mN, misses by {error}°{phase}",
         decimal(solution.tilt_deg, 2),
         decimal(1e3 * thrust_n, 2)
     );

@@ -7,7 +7,9 @@ use crate::pack::{About, pack};
 use crate::progress::Progress;
 use crate::session::Session;
 use crate::text;
+use biflag_log::similar::suggest;
 use serde_json::json;
+use spdx::identifiers::LICENSES;
 use std::path::PathBuf;
 
 /// Pack a session into one archive for a data repository: logs, page, figures, tables, checksums, RO-Crate metadata.
@@ -29,11 +31,9 @@ pub struct Args {
 }
 
 fn license(text: &str) -> Result<String, String> {
-    let is_possible = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
-    if !text.is_empty() && text.chars().all(is_possible) {
-        return Ok(text.to_owned());
-    }
-    Err("give the identifier of spdx.org/licenses, such as CC-BY-4.0 or CC0-1.0".to_owned())
+    let known = LICENSES.iter().map(|license| license.name).find(|name| name.eq_ignore_ascii_case(text));
+    let otherwise = "give an identifier of spdx.org/licenses, such as CC-BY-4.0 or CC0-1.0";
+    known.map(str::to_owned).ok_or_else(|| suggest(text, LICENSES.iter().map(|license| license.name), otherwise))
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

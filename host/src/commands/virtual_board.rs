@@ -58,7 +58,7 @@ impl SensorArgs {
 const PATIENCE_S: &str = "60";
 
 /// What the board's program says first when an option has a wrong value.
-const INVALID_VALUE: &str = "error: invalid value";
+const INVALID_VALUE: &str = "invalid value";
 
 /// Starts the emulated board with the firmware that belongs to this program, these arguments and these faults.
 pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::Result<VirtualNano> {
@@ -71,7 +71,7 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
     VirtualNano::start(&VirtualNano::program()?, arguments).map_err(|error| match error {
         // The board's program checks the values of its own options.
         VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {
-            let problem = reason.lines().next().unwrap_or_default().trim_start_matches("error: ");
+            let problem = reason.lines().next().unwrap_or_default();
             miette::miette!(code = WRONG_USE, "{problem}")
         }
         other => other.into(),

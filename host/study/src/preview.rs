@@ -1,6 +1,6 @@
 //! Preview of a plan on the rig, before anything runs: its trials, its duration, and findings about them.
 
-use crate::plan::Plan;
+use crate::plan::{Plan, note_on_grid};
 use crate::run::model::note_on_unknown_angles;
 use crate::text;
 use crate::trial::{Finding, FindingKind};
@@ -109,7 +109,8 @@ fn findings(plan: &Plan, knows_angles: bool) -> Vec<Finding> {
     // A plan with phases turns the flagella to known angles.
     let angles = note_on_unknown_angles(&plan.trials).filter(|_| !knows_angles && !plan.has_phases());
     let angles = angles.map(|text| Finding::slight(FindingKind::Conduct, text, ""));
-    findings.extend(run.into_iter().chain(rest).chain(angles));
+    let grid = note_on_grid(&plan.text).map(|text| Finding::slight(FindingKind::Conduct, text, ""));
+    findings.extend(run.into_iter().chain(rest).chain(angles).chain(grid));
     findings
 }
 

@@ -103,7 +103,7 @@ impl VirtualNano {
             let _ = nano.program.child.kill();
             let said = nano.program.child.stderr.take().map(std::io::read_to_string);
             let said = said.and_then(Result::ok).unwrap_or_default();
-            return Err(VirtualError::NotStarted(said.trim().to_owned()));
+            return Err(VirtualError::NotStarted(said.trim().trim_start_matches("error: ").to_owned()));
         };
         nano.port = port.to_owned();
         nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();

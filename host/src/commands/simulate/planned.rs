@@ -5,7 +5,7 @@ use super::super::options::cores;
 use super::args::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time};
 use crate::plan::robot;
-use crate::plan::{Plan, Trial};
+use crate::plan::{Plan, Trial, note_on_grid};
 use crate::program;
 use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, note_on_phases};
@@ -70,7 +70,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
     let trials = Row::of(session.plan(), trials);
     let means = trials.iter().filter_map(Row::mean);
-    let notes: Vec<_> = note_on_phases(&session.plan().trials, means).into_iter().collect();
+    let notes: Vec<_> =
+        note_on_phases(&session.plan().trials, means).into_iter().chain(note_on_grid(&session.plan().text)).collect();
     let mut text = String::new();
     for mean in trials.iter().filter_map(Row::mean) {
         text += &format!("{mean}\n");

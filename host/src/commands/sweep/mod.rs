@@ -64,7 +64,7 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
         missing: points - done,
         failed,
         warnings: Vec::new(),
-        notes: folder.sweep.note_on_phases().into_iter().collect(),
+        notes: folder.sweep.notes(),
     };
     if interrupted.load(Ordering::Relaxed) && done < points {
         let text = format!(
@@ -100,7 +100,7 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
         missing: points - merged.done,
         failed: merged.failed,
         warnings,
-        notes: folder.sweep.note_on_phases().into_iter().chain(not_found(merged.not_found)).collect(),
+        notes: folder.sweep.notes().into_iter().chain(not_found(merged.not_found)).collect(),
     };
     swept.answer(path)
 }
@@ -120,7 +120,7 @@ fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answ
         missing,
         failed: counts.failed.count(),
         warnings: counts.parts.damaged.iter().filter(|_| missing > 0).map(|part| damaged(part)).collect(),
-        notes: folder.sweep.note_on_phases().into_iter().collect(),
+        notes: folder.sweep.notes(),
     };
     let time_left_s = if missing == 0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing as f64 / rate) };
     let reasons = if failed { Some(folder.reasons()?) } else { None };

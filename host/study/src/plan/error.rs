@@ -1,6 +1,7 @@
 //! Errors in a plan, a robot file, or a file of board settings. All of them count as wrong use.
 
 use super::shipped::Shipped;
+use crate::session::{A_SWEEP, is_sweep};
 use biflag_log::similar::{did_you_mean, suggest};
 use miette::Diagnostic;
 use sim::params::BUILT_IN;
@@ -27,6 +28,7 @@ fn cure(path: &Path, noun: &str) -> String {
     if path.is_dir() {
         let folder = path.display();
         return match noun {
+            "plan" if is_sweep(path) => format!("name the plan itself, or another command: {A_SWEEP}"),
             "plan" => format!(
                 "{folder} is a folder: name the plan itself; `biflag record PLAN --out {folder} --resume` goes on with a session, \
                  and `biflag simulate --from {folder}` repeats its trials in the model"

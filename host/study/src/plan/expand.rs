@@ -174,8 +174,7 @@ impl<'a> Axis<'a> {
             let step = number(step);
             return wrong(format!("{name} does not get from {first} to {last} in steps of {step}"));
         }
-        // A step that divides the range must reach the last speed despite rounding; other steps stop short of it.
-        let steps = ((last - first) / step + 1e-6).floor();
+        let steps = steps(table.get_ref());
         if steps >= MAX_TRIALS as f64 {
             let step = number(step);
             return wrong(format!("the step {step} gives {name} more than {MAX_TRIALS} speeds"));
@@ -187,6 +186,28 @@ impl<'a> Axis<'a> {
         let Exactly([first, _, step]) = *self.table.get_ref();
         (0..self.count).map(move |i| speed(first + step * i as f64, self.table.span(), source))
     }
+}
+
+/// Returns the number of steps of an axis. A step that divides the range must reach the last speed despite rounding; other
+/// steps stop short of it.
+fn steps(Exactly([first, last, step]): &Exactly<f64, 3>) -> f64 {
+    ((last - first) / step + 1e-6).floor()
+}
+
+/// Returns a note for the user if the grid of a plan ends before its last speeds.
+pub fn note_on_grid(plan: &str) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Part {
+        speeds: SpeedsTable,
+    }
+    let grid = toml::from_str::<Part>(plan).ok()?.speeds.grid?;
+    let short = |(name, axis): (&str, Spanned<Exactly<f64, 3>>)| {
+        let Exactly([first, last, step]) = *axis.get_ref();
+        let end = first + step * steps(axis.get_ref());
+        ((end - last).abs() > 1e-6).then(|| format!("{name} at {} rpm, not {}", number(end), number(last)))
+    };
+    let ends: Vec<_> = [("w1", grid.w1), ("w2", grid.w2)].into_iter().filter_map(short).collect();
+    (!ends.is_empty()).then(|| format!("the steps of the grid end {}", ends.join(", and ")))
 }
 
 fn speed(rpm: f64, span: Range<usize>, source: &Source) -> Result<CentiRpm, PlanError> {

@@ -24,7 +24,7 @@ mod units;
 
 pub use board::BoardSettings;
 pub use error::PlanError;
-pub use expand::board_speed;
+pub use expand::{board_speed, note_on_grid};
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use fit::{Fit, FittedParameter, FittedTo, MAX_FACTOR, with_fit};
 pub use hand_turn::{Axis, HandTurn};

@@ -11,10 +11,12 @@ use thiserror::Error;
 const MADE_BY: &str =
     "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml";
 
-const A_SWEEP: &str = "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
+/// What to do with the folder of a sweep.
+pub(crate) const A_SWEEP: &str =
+    "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
 
 /// Returns whether a folder has the manifest of a sweep.
-pub(super) fn is_sweep(folder: &Path) -> bool {
+pub(crate) fn is_sweep(folder: &Path) -> bool {
     folder.join("sweep.toml").is_file()
 }
 

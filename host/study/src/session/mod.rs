@@ -23,6 +23,7 @@ mod recorded;
 mod rig;
 
 pub use error::SessionError;
+pub(crate) use error::{A_SWEEP, is_sweep};
 pub use lock::{Lock, Sharing, UNFINISHED, is_in_use};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
@@ -156,7 +157,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
-        if error::is_sweep(folder) {
+        if is_sweep(folder) {
             return Err(SessionError::Exists { folder: folder.to_owned(), what: "a sweep" });
         }
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;

@@ -4,7 +4,7 @@
 use super::SweepPlan;
 use super::key::{self, Group, Key};
 use super::points::Points;
-use crate::plan::PlanError;
+use crate::plan::{PlanError, note_on_grid};
 use crate::text::word;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -172,8 +172,13 @@ impl Sweep {
         Point { index, name: self.name(index), speeds_rpm, values, multiples, robot }
     }
 
+    /// Returns notes on the plan for the user.
+    pub fn notes(&self) -> Vec<String> {
+        self.note_on_phases().into_iter().chain(note_on_grid(&self.plan.text)).collect()
+    }
+
     /// Returns a note for the user if points hold for one starting phase where others may give other values.
-    pub fn note_on_phases(&self) -> Option<String> {
+    fn note_on_phases(&self) -> Option<String> {
         if self.plan.phases != 1 {
             return None;
         }
