@@ -38,7 +38,7 @@ pub fn live_page(plan: &Plan, trials: usize) -> String {
                     div.charts {
                         h2.unseen { "Over time" }
                         (ribbon::figure(&data))
-                        @for (name, title) in [("yaw", "Yaw ψ from the start of the run, counter-clockwise from above, °"), ("pitch", "Pitch θ, °"), ("roll", "Roll φ, °")] {
+                        @for (name, title) in [("yaw", "Yaw ψ from the start of the run, ° counter-clockwise"), ("pitch", "Pitch θ, °"), ("roll", "Roll φ, °")] {
                             (chart(&[name], title, &[Entry::new("c-measured", "measured", "own")]))
                         }
                         (chart(&["motors"], "Speed of the flagella, rpm", &speed_entries()))

@@ -214,7 +214,7 @@ fn charts(view: &View) -> Markup {
         }
         (ribbon::figure(&view.data))
         @for (name, error, title) in [
-            ("yaw", "error_yaw", "Yaw ψ from the start of the run, counter-clockwise from above, °"),
+            ("yaw", "error_yaw", "Yaw ψ from the start of the run, ° counter-clockwise"),
             ("pitch", "error_pitch", "Pitch θ, °"),
             ("roll", "error_roll", "Roll φ, °"),
         ] {
