@@ -8,11 +8,11 @@ mod rig;
 
 pub use args::Args;
 
-use super::answer::{Answer, Outcome};
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::virtual_board;
 use crate::link::LinkError;
 use crate::plan::robot;
-use crate::session;
+use crate::session::{self, SessionError};
 use crate::signals::interruption;
 use crate::trial::{Judged, Want};
 use biflag_log::SteerMeta;
@@ -39,6 +39,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let (log, ran) = match ran {
         Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
             return Answer::new(Outcome::Interrupted, &serde_json::json!({ "log": null }), "interrupted");
+        }
+        Err(report) if matches!(report.downcast_ref(), Some(SessionError::Exists { .. })) => {
+            let help = "name another folder with --out: a run that is steered begins anew";
+            return Err(miette::miette!(code = WRONG_USE, help = help, "{report}"));
         }
         ran => ran?,
     };

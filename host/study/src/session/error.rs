@@ -1,6 +1,6 @@
 //! Errors of session folders.
 
-use crate::plan::PlanError;
+use crate::plan::{PlanError, Shipped};
 use biflag_log::LogError;
 use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
@@ -18,6 +18,16 @@ pub(crate) const A_SWEEP: &str =
 /// Returns whether a folder has the manifest of a sweep.
 pub(crate) fn is_sweep(folder: &Path) -> bool {
     folder.join("sweep.toml").is_file()
+}
+
+/// Returns what to do with a folder that is no session.
+fn instead(folder: &Path) -> String {
+    match Shipped::find(folder).filter(|file| !file.is_robot() && !folder.exists()) {
+        Some(plan) => {
+            format!("a plan inside biflag has this name: `biflag simulate {}` computes its trials", plan.name)
+        }
+        None => (if is_sweep(folder) { A_SWEEP } else { MADE_BY }).to_owned(),
+    }
 }
 
 /// Why a folder cannot be used as a session.
@@ -72,7 +82,7 @@ pub enum SessionError {
     OtherRig { folder: PathBuf, log: PathBuf, was: String, is: String },
     /// The folder is not a session folder.
     #[error("{}: is not a session folder: it has no session.toml", folder.display())]
-    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, if is_sweep(folder) { A_SWEEP } else { MADE_BY })))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(folder, &instead(folder))))]
     NotASession { folder: PathBuf },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
