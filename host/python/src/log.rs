@@ -32,7 +32,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
         let rows = table::trial(&trial);
         Ok((trial, rows))
     };
-    let (Judged { data, angles: zeroed, findings: found }, rows) = interruptible(py, read)?;
+    let (Judged { data, angles: zeroed, findings: found, .. }, rows) = interruptible(py, read)?;
     let (trial, run_s) = (data.trial(), data.times.run.start);
     let dict = PyDict::new(py);
     dict.set_item("name", trial.name)?;

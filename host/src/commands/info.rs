@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn log(path: &Path) -> miette::Result<Answer> {
-    let Judged { data, angles: zeroed, findings } = Attempt::of_log(path).read(Want::default())?;
+    let Judged { data, angles: zeroed, findings, not_judged } = Attempt::of_log(path).read(Want::default())?;
     let angles = zeroed.angles();
     let clean = data.condition.is_whole();
     let records = &data.records;
@@ -57,6 +57,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "angles": angles,
         "budget": budget_of(angles.as_ref()),
         "findings": findings,
+        "not_judged": not_judged,
         "model": records.model,
         "steady": records.steady,
     });
@@ -68,6 +69,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
     // Writing to a string cannot fail.
     let shown = findings.iter().filter(|_| !is_open);
     shown.for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
+    not_judged.iter().filter(|_| !is_open).for_each(|why| _ = writeln!(text, "not judged: {why}"));
     Answer::new(outcome, &body, text)
 }
 

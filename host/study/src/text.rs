@@ -19,6 +19,11 @@ pub fn listed(words: &[impl AsRef<str>]) -> String {
     }
 }
 
+/// Joins what may be: `yaw, or as if pitch`.
+pub fn either(clauses: &[impl AsRef<str>]) -> String {
+    clauses.iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", or as if ")
+}
+
 /// Formats a number with this number of decimals. Zero has no sign, also after rounding.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");

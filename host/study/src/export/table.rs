@@ -293,7 +293,7 @@ impl Summary {
     /// `trial` comes from the plan, because the log may have lost it; `file` is the file that the trial was exported
     /// to.
     pub fn new(trial: &Trial, judged: Judged, file: String) -> Self {
-        let Judged { data, angles: zeroed, findings } = judged;
+        let Judged { data, angles: zeroed, findings, .. } = judged;
         let speeds = data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds());
         let speeds =
             trial.reverse.filter(|_| data.records.steer.is_none()).map_or(speeds, |reverse| reverse.of(speeds));

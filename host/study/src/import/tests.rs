@@ -421,7 +421,11 @@ fn robot_hangs_upright_and_comes_back() {
     assert_eq!([found(0.0, 0.0), found(8.0, 0.0)], ["", ""]);
     let slipped = found(0.0, 20.0);
     assert!(slipped.contains("the yaw does not come back") && slipped.contains("instrument has moved"), "{slipped}");
-    for (roll_deg, frame) in [(15.0, "tilted by 15.0"), (92.0, "another axis"), (179.0, "points down")] {
+    for (roll_deg, frame) in [
+        (15.0, "tilted by 15.0"),
+        (92.0, "axis of the body's frame points"),
+        (179.0, "the z axis of the body's frame points down"),
+    ] {
         let askew = found(roll_deg, 0.0);
         assert!(askew.contains(frame), "{roll_deg}: {askew}");
     }

@@ -17,6 +17,8 @@ pub enum Cause {
     Sign([bool; 2]),
     /// Each motor had the speed of the other.
     Swapped,
+    /// Each motor had the speed of the other, and turned the other way.
+    Reversed,
     /// This motor stood.
     Stands(usize),
     /// The motors stopped before the end of the run.
@@ -45,7 +47,7 @@ pub fn causes(rpm: [f64; 2]) -> Vec<(Cause, [f64; 2])> {
     let one = OF_ONE.into_iter().flat_map(|factor| [([true, false], factor), ([false, true], factor)]);
     let factors = both.into_iter().chain(one).map(|(motors, factor)| Cause::Factor { motors, factor });
     let signs = [[true, false], [false, true], [true; 2]].map(Cause::Sign);
-    let others = [Cause::Swapped, Cause::Stands(0), Cause::Stands(1)];
+    let others = [Cause::Swapped, Cause::Reversed, Cause::Stands(0), Cause::Stands(1)];
     let all = factors.chain(signs).chain(others);
     all.filter_map(|cause| Some((cause, cause.applied(rpm)?))).collect()
 }
@@ -72,6 +74,7 @@ impl Cause {
             }
             Self::Sign(motors) => of_motors(motors, -1.0),
             Self::Swapped => (rpm.into_iter().all(is_fast) && rpm[0] != rpm[1]).then_some([rpm[1], rpm[0]]),
+            Self::Reversed => Self::Swapped.applied(rpm).map(|turned| turned.map(|w| -w)),
             Self::Stands(motor) => {
                 let other = rpm[1 - motor];
                 let left = if motor == 0 { [0.0, other] } else { [other, 0.0] };
@@ -88,7 +91,7 @@ impl Cause {
         match self {
             Self::Factor { motors, .. } | Self::Sign(motors) => motors != [true; 2],
             Self::Stands(_) => true,
-            Self::Swapped | Self::StopEarly { .. } => false,
+            Self::Swapped | Self::Reversed | Self::StopEarly { .. } => false,
         }
     }
 
@@ -114,6 +117,7 @@ impl fmt::Display for Cause {
             Self::Factor { motors, factor } => write!(f, "{} turned {factor:.3} times as fast", of(*motors)),
             Self::Sign(motors) => write!(f, "{} turned the other way", of(*motors)),
             Self::Swapped => write!(f, "each motor had the speed of the other"),
+            Self::Reversed => write!(f, "each motor had the speed of the other, and turned the other way"),
             Self::Stands(motor) => write!(f, "motor {} stood", motor + 1),
             Self::StopEarly { at_s } => write!(f, "the motors stopped at {at_s:.0} s"),
         }

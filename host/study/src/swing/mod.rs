@@ -9,15 +9,15 @@ mod lines;
 mod motion;
 mod score;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use causes::Cause;
 
-use crate::attitude::Columns;
+use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
 use lines::{Fit, Fitter};
 use motion::Motion;
-use score::{least_dps, score};
+use score::{least_dps, off_deg, score};
 use std::ops::Range;
 
 /// A cause is named where its score is better than the label's by this.
@@ -35,6 +35,9 @@ const REFINED: usize = 6;
 
 /// A cause explains a motion of two speeds that are nearly one only where less than this share of it is left.
 const NEAR_LEFT: f64 = 0.15;
+
+/// Turns of a frame by two motors that are nearer than this agree, degrees.
+const AGREED_DEG: f64 = 30.0;
 
 /// Causes whose scores are nearer than this are named together.
 const ALIKE: f64 = 8.0;
@@ -86,7 +89,7 @@ pub enum Label {
 /// Returns what a motion says of its label.
 pub fn label(trial: &Labelled) -> Label {
     let Some(motion) = Motion::of(trial.angles_deg, trial.settled_s.clone()) else {
-        return Label::NotJudged("too few readings");
+        return Label::NotJudged("the run is too short, or has too few readings");
     };
     if let Some(at_s) = motion.stops() {
         let at_s = trial.settled_s.end - motion.length_s + at_s;
@@ -114,9 +117,9 @@ pub fn label(trial: &Labelled) -> Label {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
     // All roughly, the best exactly.
-    let causes = causes::causes(trial.rpm)
-        .into_iter()
-        .filter(|(cause, _)| !(are_alike && *cause == Cause::Swapped || is_noisy && cause.is_of_one()));
+    let causes = causes::causes(trial.rpm).into_iter().filter(|(cause, _)| {
+        !(are_alike && matches!(cause, Cause::Swapped | Cause::Reversed) || is_noisy && cause.is_of_one())
+    });
     let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();
     rough.sort_by(|a, b| b.0.total_cmp(&a.0));
     rough.truncate(REFINED);
@@ -141,6 +144,26 @@ pub fn label(trial: &Labelled) -> Label {
         }
         None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
         None => Label::Right,
+    }
+}
+
+/// Returns by which angle the body's x and y are turned about its z between two motions of one robot, degrees; `None` where the
+/// motors do not agree on it, or their lines cannot be told apart.
+pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
+    let off = |trial: &Labelled| {
+        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
+        let (_, fit) = Readings { fitter: &Fitter::new(&motion), trial }.at(trial.rpm, 3)?;
+        let is_told = |k: usize| trial.rpm[k].abs() >= SLOWEST_RPM;
+        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
+        let lines = [0, 1].map(|k| fit.motor(k).filter(|_| is_told(k) && is_clear).map(|line| off_deg(line, k)));
+        (0..2).all(|k| lines[k].is_some() == is_told(k)).then_some(lines)
+    };
+    let (one, other) = (off(one)?, off(other)?);
+    let turned = [0, 1].map(|k| Some(wrapped(other[k]? - one[k]?)));
+    match turned {
+        [Some(a), Some(b)] => (wrapped(b - a).abs() < AGREED_DEG).then(|| wrapped(a + wrapped(b - a) / 2.0)),
+        [Some(a), None] | [None, Some(a)] => Some(a),
+        [None, None] => None,
     }
 }
 

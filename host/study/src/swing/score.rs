@@ -106,7 +106,7 @@ fn in_plane(turns: Complex, hz: f64) -> f64 {
 }
 
 /// Returns how far the swing about z is from the angle that it has for a motor, degrees.
-fn off_deg(line: &Line, motor: usize) -> f64 {
+pub fn off_deg(line: &Line, motor: usize) -> f64 {
     wrapped(angle_deg(line.about_z, line.turns) - PHASE_DEG - 180.0 * motor as f64)
 }
 

@@ -7,25 +7,25 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::collections::BTreeMap;
 
-const RATE_HZ: f64 = 20.0;
+pub(crate) const RATE_HZ: f64 = 20.0;
 const SETTLING_S: f64 = 15.0;
 
 /// Flagella of two turns with few edges, whose motion takes little time to compute.
-fn quick() -> Robot {
+pub(crate) fn quick() -> Robot {
     let mut robot = Robot::default();
     robot.flagellum.axial_length_m = 0.152;
     robot.flagellum.edge_length_m = 0.0075;
     robot
 }
 
-struct Truth {
-    rpm: [f64; 2],
+pub(crate) struct Truth {
+    pub rpm: [f64; 2],
     /// Yaw, pitch and roll, °.
-    angles_deg: [Vec<f64>; 3],
+    pub angles_deg: [Vec<f64>; 3],
 }
 
 impl Truth {
-    fn of(robot: &Robot, rpm: [f64; 2], until_s: f64, stops_s: f64) -> Self {
+    pub fn of(robot: &Robot, rpm: [f64; 2], until_s: f64, stops_s: f64) -> Self {
         let still = [0.0; 2];
         let profile =
             [(0.0, still), (0.5, rpm), (stops_s, rpm), (stops_s + 0.5, still), (until_s.max(stops_s + 1.0), still)];
@@ -127,6 +127,7 @@ fn says(causes: &[Cause], truth: [f64; 2], label: [f64; 2]) -> bool {
             Cause::Factor { motors, factor } => of(motors, factor),
             Cause::Sign(motors) => of(motors, -1.0),
             Cause::Swapped => [label[1], label[0]],
+            Cause::Reversed => [-label[1], -label[0]],
             Cause::Stands(k) => of([k == 0, k == 1], 0.0),
             Cause::StopEarly { .. } => return false,
         };

@@ -33,11 +33,16 @@ pub(super) fn not_back(data: &Data, yaw: Track, stated_deg: f64, time_constant_s
     Some([after.end - after.start, end_deg, nearest_deg])
 }
 
+/// Returns whether the phase after a run is too short to show where the yaw goes.
+pub(super) fn is_short(after: &Range<f64>) -> bool {
+    after.end - LAST_S < after.start + SPRINGS_BACK_S
+}
+
 /// Returns the yaw at the end of the phase after the run, and the nearest value possible after a return to rest,
 /// degrees, if the two differ.
 fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
     let sprung_s = after.start + SPRINGS_BACK_S;
-    if after.end - LAST_S < sprung_s {
+    if is_short(after) {
         return None;
     }
     let end_deg = yaw.mean(after.end - LAST_S..after.end)?;

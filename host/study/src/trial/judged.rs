@@ -18,6 +18,8 @@ pub struct Judged {
     pub angles: Zeroed,
     /// All findings about it.
     pub findings: Vec<Finding>,
+    /// Why some of them could not be looked for.
+    pub not_judged: Vec<&'static str>,
 }
 
 impl Judged {
@@ -44,14 +46,14 @@ impl Judged {
     /// Judges a trial by a table. `after`: the time in which the robot may be still again.
     fn by(table: &[Section], data: Data, after: Range<f64>) -> Self {
         let mut angles = Zeroed::with_end(&data, after);
-        let mut found = findings::all(table, &data, &angles);
+        let (mut found, mut not_judged) = findings::all(table, &data, &angles);
         let is_unsure = found.iter().any(Finding::empties_uncertainty);
         angles.judge(is_unsure);
         if is_unsure {
             // Some findings depend on whether the uncertainties are known.
-            found = findings::all(table, &data, &angles);
+            (found, not_judged) = findings::all(table, &data, &angles);
         }
-        Self { data, angles, findings: found }
+        Self { data, angles, findings: found, not_judged }
     }
 
     /// Returns the steady angles; `None` if there is no attitude in the run.

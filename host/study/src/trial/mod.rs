@@ -44,6 +44,7 @@ pub use collect::Collector;
 pub use data::{Data, Event, LinkSecond, MOTORS, Records, Want};
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::DAMAGED_FRAME;
+pub(crate) use findings::labelled;
 pub use judged::Judged;
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};

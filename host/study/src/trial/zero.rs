@@ -461,7 +461,7 @@ fn gap_at(readings: &[(f64, Reading)], time_s: f64) -> Option<Range<f64>> {
 }
 
 /// Returns the mean attitude over a range of time. The attitudes must be within a few degrees of each other.
-fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternion<f64>> {
+pub(super) fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternion<f64>> {
     let mut inside = readings.iter().filter(|(time, _)| range.contains(time)).map(|(_, r)| rotation(r.attitude));
     let first = inside.next()?;
     let sum =

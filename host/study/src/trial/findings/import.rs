@@ -4,7 +4,7 @@ use super::{Rule, Section};
 use crate::attitude::{Euler, LARGEST_TILT_DEG, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
-use crate::trial::finding::FindingKind::{Conduct, Upright};
+use crate::trial::finding::FindingKind::Conduct;
 use crate::trial::import_rest::REST_S;
 use crate::trial::zero::Zeroed;
 use biflag_log::ImportMeta;
@@ -37,7 +37,7 @@ const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
 pub(super) const SECTION: Section = Section { is_judged: |data| data.records.import.is_some(), rules: &RULES };
 
-static RULES: [Rule; 11] = [
+static RULES: [Rule; 10] = [
     Rule::warning(Conduct, "import one run at constant speeds: name it with --run", |data, zeroed| {
         other_speed(data, &zeroed.steady.as_ref()?.window)
     }),
@@ -45,7 +45,6 @@ static RULES: [Rule; 11] = [
     Rule::warning(Conduct, "let the run begin where the motors start", |data, _| turned_before(data)),
     Rule::each(Conduct, None, |data| Vec::from_iter(lost(data))),
     Rule::warning(Conduct, LEAVE_EMPTY, |data, _| zeros(data)),
-    Rule::warning(Upright, "give the angles in a frame whose z axis points up", |_, zeroed| askew(zeroed)),
     Rule::note(
         Conduct,
         "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty",
@@ -98,26 +97,11 @@ fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
     })
 }
 
-/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
-fn askew(zeroed: &Zeroed) -> Option<String> {
-    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
-    let deg = tilt_deg(pitch_deg, roll_deg);
-    let frame = match deg {
-        small if small <= LARGEST_TILT_DEG => return None,
-        down if down >= 180.0 - LARGEST_TILT_DEG => {
-            ": the z axis of the angles points down, and the yaw has the other sign"
-        }
-        side if (side - 90.0).abs() <= LARGEST_TILT_DEG => ": another axis of the angles than z points up",
-        _ => "",
-    };
-    Some(format!("the robot is tilted by {deg:.1} degrees at rest, where it hangs upright{frame}"))
-}
-
 /// Returns what is wrong if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
 /// instrument's frame, whose vertical is askew: the latter does not turn with the body.
 fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
-    let angles = zeroed.angles()?;
+    let angles = zeroed.angles().filter(|_| tilt_deg(pitch_deg, roll_deg) <= LARGEST_TILT_DEG)?;
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
     let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
     let askew = of([0.0, pitch_deg, roll_deg]);

@@ -4,6 +4,7 @@
 //! [`super::Judged`] trial in the order of the table.
 
 mod axes;
+mod frame;
 mod import;
 mod log;
 mod rest;
@@ -13,6 +14,7 @@ mod swing;
 mod window;
 
 pub use log::DAMAGED_FRAME;
+pub(crate) use swing::labelled;
 
 use super::data::Data;
 use super::finding::{Finding, FindingKind, Gravity};
@@ -21,8 +23,8 @@ use super::zero::Zeroed;
 const REPEAT: &str = "repeat the trial";
 
 /// The sections of the table.
-pub(super) static TABLE: [Section; 6] =
-    [log::SECTION, sensor::SECTION, import::SECTION, rest::SECTION, swing::SECTION, window::SECTION];
+pub(super) static TABLE: [Section; 7] =
+    [log::SECTION, sensor::SECTION, import::SECTION, rest::SECTION, frame::SECTION, swing::SECTION, window::SECTION];
 
 /// Rows for one kind of trials.
 #[derive(Clone, Copy, Debug)]
@@ -47,9 +49,13 @@ pub(super) struct Rule {
 enum Test {
     One(One),
     Each(fn(&Data) -> Vec<String>),
+    Law(Law),
 }
 
 type One = fn(&Data, &Zeroed) -> Option<String>;
+
+/// Or why the trial cannot be judged by it.
+type Law = fn(&Data, &Zeroed) -> Result<Option<String>, &'static str>;
 
 impl Rule {
     const fn new(kind: FindingKind, gravity: Gravity, cure: &'static str, test: One) -> Self {
@@ -74,6 +80,19 @@ impl Rule {
         Self::new(kind, Gravity::Note, cure, test)
     }
 
+    /// Creates a row for a trial whose numbers may be wrong by a law that not every trial has the data for.
+    const fn law(kind: FindingKind, cure: &'static str, test: Law) -> Self {
+        Self { kind, gravity: Gravity::Warning, cure: Some(cure), test: Test::Law(test) }
+    }
+
+    fn said(&self, data: &Data, zeroed: &Zeroed) -> Result<Vec<String>, &'static str> {
+        match self.test {
+            Test::One(test) => Ok(Vec::from_iter(test(data, zeroed))),
+            Test::Each(test) => Ok(test(data)),
+            Test::Law(test) => Ok(Vec::from_iter(test(data, zeroed)?)),
+        }
+    }
+
     fn finding(&self, said: String) -> Finding {
         let (text, cure) = match self.cure {
             Some(cure) => (said.as_str(), cure),
@@ -83,13 +102,15 @@ impl Rule {
     }
 }
 
-/// Returns the findings about a trial by a table.
-pub(super) fn all(table: &[Section], data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
-    let said = |rule: &Rule| match rule.test {
-        Test::One(test) => Vec::from_iter(test(data, zeroed)),
-        Test::Each(test) => test(data),
-    };
-    let of_rule = |rule| said(rule).into_iter().map(move |said| rule.finding(said));
-    let rules = table.iter().filter(|section| (section.is_judged)(data)).flat_map(|section| section.rules);
-    data.identity.iter().cloned().chain(rules.flat_map(of_rule)).collect()
+/// Returns the findings about a trial by a table, and why a measured trial cannot be judged by all of its laws.
+pub(super) fn all(table: &[Section], data: &Data, zeroed: &Zeroed) -> (Vec<Finding>, Vec<&'static str>) {
+    let (mut found, mut not_judged) = (data.identity.clone(), Vec::new());
+    for rule in table.iter().filter(|section| (section.is_judged)(data)).flat_map(|section| section.rules) {
+        match rule.said(data, zeroed) {
+            Ok(said) => found.extend(said.into_iter().map(|said| rule.finding(said))),
+            Err(why) if !data.is_model() && !not_judged.contains(&why) => not_judged.push(why),
+            Err(_) => {}
+        }
+    }
+    (found, not_judged)
 }

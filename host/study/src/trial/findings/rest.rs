@@ -2,11 +2,13 @@
 
 use super::{Rule, Section};
 use crate::attitude::Motion;
+use crate::trial::back_at_zero;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Rest, Return};
 use crate::trial::rest::{AtRest, Unknown};
 use crate::trial::zero::Zeroed;
 use biflag_log::RestMeta;
+use protocol::units::CentiRpm;
 
 /// Bound on the motion before a run, relative to the limits of a still robot. Up to it the numbers are right within their
 /// uncertainty: the fit of the return to rest covers the motion after a wait.
@@ -96,18 +98,7 @@ static RULES: [Rule; 17] = [
              the rest before {start:.2} s"
         ))
     }),
-    Rule::warning(Return, "check how robot and sensor are fastened, and repeat the trial", |data, zeroed| {
-        let [after_s, end_deg, nearest_deg] = zeroed.rest.not_back?;
-        let sensor = if data.is_recorded() {
-            "sensor has moved, or the gyroscope's bias has changed"
-        } else {
-            "instrument has moved"
-        };
-        Some(format!(
-            "the yaw does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
-             {nearest_deg:.1} can be left; the zero or the {sensor}"
-        ))
-    }),
+    Rule::law(Return, "check how robot and sensor are fastened, and repeat the trial", not_back),
     Rule::note(
         Rest,
         "import a table that begins a second before the motors start, or name the run with --run",
@@ -119,6 +110,23 @@ static RULES: [Rule; 17] = [
     Rule::warning(Rest, LONGER, |_, zeroed| moved(zeroed, true)),
     Rule::note(Rest, LONGER, |_, zeroed| moved(zeroed, false)),
 ];
+
+fn not_back(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
+    let is_of_robot = data.times.has_run() && data.speeds() != [CentiRpm(0); 2];
+    if is_of_robot && back_at_zero::is_short(&(data.times.decay.start..data.times.decay.end.min(zeroed.span().end))) {
+        return Err("no rest after the run");
+    }
+    let sensor = match data.is_recorded() {
+        true => "sensor has moved, or the gyroscope's bias has changed",
+        false => "instrument has moved",
+    };
+    Ok(zeroed.rest.not_back.map(|[after_s, end_deg, nearest_deg]| {
+        format!(
+            "the yaw does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
+             {nearest_deg:.1} can be left; the zero or the {sensor}"
+        )
+    }))
+}
 
 fn not_still(data: &Data) -> Option<&RestMeta> {
     data.records.rest.as_ref().filter(|rest| !rest.still)

@@ -1,11 +1,13 @@
 //! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
 
-use super::{Rule, Section};
-use crate::swing::{Label, Labelled, label};
+use super::{Rule, Section, frame};
+use crate::swing::{Cause, Label, Labelled, label};
+use crate::text::either;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Swing;
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
+use std::collections::BTreeSet;
 
 /// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, and of an import.
 const OFF: [(f64, f64); 2] = [(0.012, 0.1), (0.03, 0.3)];
@@ -16,32 +18,71 @@ const SETTLED_SHARE: f64 = 0.4;
 
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
-static RULES: [Rule; 1] = [Rule::warning(
+static RULES: [Rule; 1] = [Rule::law(
     Swing,
-    "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit of the angles",
+    "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit and frame of the angles",
     other_swing,
 )];
 
-fn other_swing(data: &Data, zeroed: &Zeroed) -> Option<String> {
-    let rpm = data.speeds().map(CentiRpm::rpm);
-    let (run, robot) = (&zeroed.run, data.robot().ok()?);
-    let settled_s = run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end;
-    let are_constant = data.reverse().is_none() && data.records.steer.is_none();
-    let is_whole = data.records.import.as_ref().is_none_or(|import| import.constant.is_empty());
-    if !are_constant || !is_whole || rpm == [0.0; 2] {
-        return None;
+/// What a frame may be, as part of a sentence.
+pub(super) const FRAME_MIRRORED: &str = "the frame of the angles is mirrored or its z axis points down";
+pub(super) const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
+const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
+
+/// Returns what frame of the angles looks like a mistake of the speeds. `has_other_sense`: whether the yaw has another sign than
+/// by the speeds.
+fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str] {
+    match (cause, has_other_sense) {
+        (Cause::Sign([true, true]) | Cause::Reversed, _) => &[FRAME_MIRRORED],
+        (Cause::Swapped, Some(true)) => &[YAW_CLOCKWISE],
+        (Cause::Swapped, Some(false)) => &[HALF_TURN],
+        (Cause::Swapped, None) => &[HALF_TURN, YAW_CLOCKWISE],
+        _ => &[],
     }
+}
+
+/// Returns a trial as its swing is asked about it, or why it cannot be.
+pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'a>, &'static str> {
+    let (rpm, run) = (data.speeds().map(CentiRpm::rpm), &zeroed.run);
+    let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
+    if data.reverse().is_some() || data.records.steer.is_some() {
+        return Err("the speeds change in the run");
+    }
+    if data.records.import.as_ref().is_some_and(|import| !import.constant.is_empty()) {
+        return Err("an angle was not measured");
+    }
+    let settled_s = run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end;
     let (off, touches) = (OFF[usize::from(!data.is_recorded())], robot.flagellum.mesh(rpm));
-    let trial = Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches };
+    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches })
+}
+
+/// Returns what the swing of a trial says of its speeds, or why nothing.
+pub(super) fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
+    if frame::is_wrong(data, zeroed) {
+        return Err("the frame of the angles is not that of the body");
+    }
+    Ok(label(&labelled(data, zeroed)?))
+}
+
+fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
+    let rpm = data.speeds().map(CentiRpm::rpm);
+    if rpm == [0.0; 2] {
+        return Ok(None);
+    }
     let at = format!("{} and {} rpm", rpm[0], rpm[1]);
-    match label(&trial) {
+    match judged(data, zeroed)? {
         Label::Wrong(causes) => {
-            let causes: Vec<String> = causes.iter().map(|cause| format!("if {cause}")).collect();
-            Some(format!("the robot does not swing as at {at}, but as {}", causes.join(", or as ")))
+            let has_other_sense = frame::has_other_sense(data, zeroed);
+            let frames: BTreeSet<&str> =
+                causes.iter().flat_map(|cause| alike(*cause, has_other_sense)).copied().collect();
+            let all: Vec<String> =
+                causes.iter().map(Cause::to_string).chain(frames.into_iter().map(str::to_owned)).collect();
+            Ok(Some(format!("the robot does not swing as at {at}, but as if {}", either(&all))))
         }
-        Label::HardlySwings => Some(format!(
+        Label::HardlySwings => Ok(Some(format!(
             "the robot hardly swings, and would at {at}, once a turn of each flagellum: the motors stood, or the angles are radians"
-        )),
-        Label::Right | Label::NotJudged(_) => None,
+        ))),
+        Label::Right => Ok(None),
+        Label::NotJudged(why) => Err(why),
     }
 }

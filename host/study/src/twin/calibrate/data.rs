@@ -68,7 +68,7 @@ impl FitTrial {
     /// [`TwinError::Unusable`] if it has no run, or no still phase before the run.
     pub fn new(data: Data) -> Result<Self, TwinError> {
         // The decay is part of the fit, so the drift is only estimated from the still phase before the run.
-        let Judged { data, angles: zeroed, findings } = Judged::from_rest(data);
+        let Judged { data, angles: zeroed, findings, .. } = Judged::from_rest(data);
         let data = &data;
         let unusable = |reason: &str| {
             let help = "calibrate with trials that begin with a still phase of 10 s or more";

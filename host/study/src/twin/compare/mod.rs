@@ -7,6 +7,7 @@
 mod aligned;
 mod comparison;
 mod compatibility;
+mod frame;
 mod json;
 mod pair;
 mod shift;
@@ -96,6 +97,7 @@ pub fn compare(a: &Judged, b: &Judged, on_mismatch: OnMismatch) -> Result<Compar
         steady.modelled_deg[0] -= 360.0 * turns;
         aligned.turn_back(turns);
     }
+    warnings.extend(frame::cause(&pair, &aligned));
     let points = points(&pair.measured, &aligned);
     let comparison = result(&pair, &aligned, &steady, warnings);
     Ok(Compared { comparison, points })

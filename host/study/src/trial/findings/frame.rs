@@ -1,0 +1,152 @@
+//! Findings about the frame of the angles: a robot hangs upright at rest, tilts only so far, and turns against its motors.
+
+use super::swing::{self, FRAME_MIRRORED, YAW_CLOCKWISE};
+use super::{Rule, Section};
+use crate::attitude::{Euler, LARGEST_TILT_DEG, tilt_deg, wrapped};
+use crate::swing::{Cause, Label};
+use crate::text::either;
+use crate::trial::data::Data;
+use crate::trial::finding::FindingKind::Upright;
+use crate::trial::righting::largest_tilt_deg;
+use crate::trial::zero::{Zeroed, mean};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use protocol::units::CentiRpm;
+use sim::body::attitude::{aligning, of_euler_zyx, of_vector};
+use std::f64::consts::PI;
+
+/// A smaller yaw has no sign, degrees.
+const LEAST_YAW_DEG: f64 = 5.0;
+
+/// A yaw beyond this may have turned either way between two attitudes, degrees.
+const HALF_TURN_DEG: f64 = 150.0;
+
+const ANOTHER: &str = "give the angles in a frame whose z axis points up";
+const AXES: &str = "check the axes of the angles, and the robot's file";
+
+pub(super) const SECTION: Section =
+    Section { is_judged: |data| data.times.has_run() && data.speeds() != [CentiRpm(0); 2], rules: &RULES };
+
+static RULES: [Rule; 3] = [
+    Rule::law(Upright, ANOTHER, |data, zeroed| match data.records.import.is_some() && zeroed.rest.is_missing {
+        true => Err("no rest before the run"),
+        false => Ok(askew(data, zeroed)),
+    }),
+    Rule::warning(Upright, AXES, tilts_too_far),
+    Rule::note(Upright, AXES, turns_with_its_motors),
+];
+
+/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
+fn askew(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
+    let deg = tilt_deg(pitch_deg, roll_deg);
+    (data.records.import.is_some() && deg > LARGEST_TILT_DEG).then(|| {
+        format!(
+            "the robot is tilted by {deg:.1} degrees at rest, where it hangs upright{}",
+            as_if(&frames(data, zeroed))
+        )
+    })
+}
+
+fn tilts_too_far(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let is_askew = askew(data, zeroed).is_some();
+    let angles = zeroed.angles().filter(|angles| angles.tilt_deg > LARGEST_TILT_DEG && !is_askew)?;
+    let most_deg = largest_tilt_deg(&data.robot().ok()?)?;
+    (angles.tilt_deg > most_deg).then(|| {
+        format!(
+            "the robot is tilted by {:.1} degrees in the run, where its weight and the thrust of its flagella allow \
+             {most_deg:.1}, so that its yaw means nothing{}",
+            angles.tilt_deg,
+            as_if(&frames(data, zeroed))
+        )
+    })
+}
+
+/// Returns whether the angles are in another frame than the body, so that its swing cannot be told.
+pub(super) fn is_wrong(data: &Data, zeroed: &Zeroed) -> bool {
+    askew(data, zeroed).or_else(|| tilts_too_far(data, zeroed)).is_some()
+}
+
+fn as_if(frames: &[String]) -> String {
+    if frames.is_empty() { String::new() } else { format!(": as if {}", either(frames)) }
+}
+
+/// Returns the sign that the yaw has by the speeds of a trial: two motors of one sense turn the robot against it.
+fn sense(data: &Data) -> Option<f64> {
+    let [one, other] = data.speeds().map(CentiRpm::rpm);
+    let are_constant = data.reverse().is_none() && data.records.steer.is_none();
+    (are_constant && one * other > 0.0).then(|| -one.signum())
+}
+
+/// Returns whether the yaw has another sign than its speeds give it; `None` if they do not tell.
+pub(super) fn has_other_sense(data: &Data, zeroed: &Zeroed) -> Option<bool> {
+    let (sense, angles) = (sense(data)?, zeroed.angles()?);
+    let least_deg = angles.yaw_uncertainty_deg.unwrap_or_default().max(LEAST_YAW_DEG);
+    (angles.yaw_deg.abs() > least_deg).then_some(angles.yaw_deg * sense < 0.0)
+}
+
+fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    if data.is_model() || !has_other_sense(data, zeroed)? || is_wrong(data, zeroed) {
+        return None;
+    }
+    let both = Cause::Sign([true; 2]).to_string();
+    let causes = match swing::judged(data, zeroed) {
+        // The senses of the motors are right, so that it is the yaw.
+        Ok(Label::Right) => vec![YAW_CLOCKWISE],
+        // These causes are named beside those of the swing.
+        Ok(Label::Wrong(_)) => return None,
+        _ => vec![&both[..], FRAME_MIRRORED, YAW_CLOCKWISE],
+    };
+    Some(format!("the robot turns in the sense of its motors, and would turn against them: as if {}", either(&causes)))
+}
+
+/// Returns the frames in which the angles of an import may be instead, in words: in each of them the robot hangs upright and
+/// tilts by no more than it can.
+fn frames(data: &Data, zeroed: &Zeroed) -> Vec<String> {
+    let (Some(import), Some(steady)) = (&data.records.import, &zeroed.steady) else { return Vec::new() };
+    let most_deg = data.robot().ok().and_then(|robot| largest_tilt_deg(&robot)).unwrap_or(90.0);
+    let over = [zeroed.from_s..zeroed.run.start, steady.window.clone()].map(|over| mean(&data.readings, &over));
+    let [Some(rest), Some(run)] = over else { return Vec::new() };
+    let is_possible = |of: &dyn Fn(Turn) -> Turn| {
+        let Euler { yaw_deg: from_deg, pitch_deg, roll_deg } = Euler::of(&of(rest));
+        let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
+        let end = Euler::of(&(of(run) * askew.inverse()));
+        let yaw_deg = wrapped(end.yaw_deg - from_deg);
+        let has_sense =
+            sense(data).is_none_or(|sense| yaw_deg * sense > -LEAST_YAW_DEG || yaw_deg.abs() > HALF_TURN_DEG);
+        let is_tilted = tilt_deg(end.pitch_deg, end.roll_deg) > most_deg;
+        has_sense && !is_tilted && tilt_deg(pitch_deg, roll_deg) <= LARGEST_TILT_DEG
+    };
+    let of = |w, x, y, z| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let orders: [(&str, &dyn Fn(Turn) -> Turn); 2] = [
+        ("the quaternion has its scalar last", &|q| of(q.k, q.w, q.i, q.j)),
+        ("the quaternion has its scalar first", &|q| of(q.i, q.j, q.k, q.w)),
+    ];
+    let is_quaternion = import.columns.contains("qw=");
+    let orders = orders.into_iter().filter(|(_, of)| is_quaternion && is_possible(*of));
+    let mut found: Vec<String> = orders.map(|(name, _)| name.to_owned()).collect();
+    for (axis, points, up) in UPWARDS {
+        let turn = aligning(Vector3::from(up), Vector3::z()).unwrap_or_else(|| of_vector(Vector3::x() * PI));
+        let ways: [(&str, &dyn Fn(Turn) -> Turn); 3] = [
+            ("of both frames", &|q| turn * q * turn.inverse()),
+            ("of the instrument's frame", &|q| turn * q),
+            ("of the body's frame", &|q| q * turn.inverse()),
+        ];
+        let ways = ways.into_iter().filter(|(_, of)| is_possible(*of));
+        found.extend(ways.map(|(whose, _)| format!("the {axis} axis {whose} points {points}")));
+    }
+    found
+}
+
+type Turn = UnitQuaternion<f64>;
+
+/// Axes that may point along z, which points up: which one, where it points, and z in its frame.
+const UPWARDS: [(&str, &str, [f64; 3]); 5] = [
+    ("z", "down", [0.0, 0.0, -1.0]),
+    ("y", "up", [0.0, 1.0, 0.0]),
+    ("y", "down", [0.0, -1.0, 0.0]),
+    ("x", "up", [1.0, 0.0, 0.0]),
+    ("x", "down", [-1.0, 0.0, 0.0]),
+];
+
+#[cfg(test)]
+mod tests;
