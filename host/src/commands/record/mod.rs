@@ -164,9 +164,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Err(report) if matches!(report.downcast_ref(), Some(RecordError::Interrupted)) => Outcome::Interrupted,
         Err(_) => Outcome::Failed,
     };
-    let resumes = ended.as_ref().err().is_some_and(|report| {
-        !matches!(report.downcast_ref(), Some(RecordError::Preflight(refused)) if refused.changes_plan())
-    });
+    let resumes = ended.as_ref().err().is_some_and(
+        |report| !matches!(report.downcast_ref(), Some(RecordError::Preflight(refused)) if refused.changes_plan()),
+    );
     if resumes {
         progress.line(&format!("continue with: {}", continuation()));
     }
