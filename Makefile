@@ -94,6 +94,7 @@ proof: demo
 		$(CARGO) test --release --locked -p sim --lib same_bits || exit; done
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
+	$(CARGO) test --release --locked -p study --lib swing -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test all -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials

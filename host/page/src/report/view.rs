@@ -11,7 +11,7 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{AngleTerm, Angles, Event, FindingKind, Judged, LogFinding, Records, Repeat};
+use study::trial::{AngleTerm, Angles, Event, FindingKind, Judged, LogFinding, Records, Repeat, SwingSpeeds};
 use study::twin::{Compared, Comparison};
 
 /// The steady angles of a trial.
@@ -60,6 +60,8 @@ pub struct View {
     pub(super) comparison: Option<Comparison>,
     pub(super) model_robot: Option<ModelRobot>,
     pub(super) steady: Option<Steady>,
+    /// The speeds by the swing of the robot.
+    pub(super) measured: Option<SwingSpeeds>,
     /// Causes of the uncertainty of the steady angles.
     pub(super) budget: Vec<AngleTerm>,
     /// The trial as one of several at its speeds.
@@ -94,6 +96,7 @@ impl View {
             speeds_rpm: [own.w1_rpm, own.w2_rpm],
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
+            measured: angles.as_ref().map(|angles| angles.measured.clone()),
             budget: zeroed.steady.as_ref().map_or_else(Vec::new, study::trial::Steady::budget),
             repeat: Repeat::new(trial),
             warnings: warnings(trial, comparison),

@@ -68,6 +68,16 @@ class Angles:
     """Time for which the robot was still after the run; ``None`` for a model."""
     turned_deg: tuple[float, float, float]
     """Angle turned about each body axis over the whole trial."""
+    measured_w1_rpm: float | None
+    """Speed of flagellum 1 by the swing of the robot, whatever the trial states; ``None`` where it cannot be told."""
+    measured_w1_uncertainty_rpm: float | None
+    """95 % uncertainty of it."""
+    measured_w2_rpm: float | None
+    """Speed of flagellum 2."""
+    measured_w2_uncertainty_rpm: float | None
+    """95 % uncertainty of it."""
+    not_measured: str | None
+    """Why these speeds cannot be told; ``None`` if they are."""
     budget: list[dict[str, Any]]
     """Causes of the uncertainties: angle, name, type (A or B), u_deg, sensitivity, share and common_to."""
 

@@ -346,6 +346,29 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         ),
         real("tilt_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.tilt_uncertainty_deg)),
         real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
+        real(
+            "measured_w1_rpm",
+            "speed of flagellum 1 by the swing of the robot; empty if it cannot be told",
+            &angle(|angles| angles.measured.measured_w1_rpm),
+        ),
+        real(
+            "measured_w1_uncertainty_rpm",
+            "its 95 % uncertainty",
+            &angle(|angles| angles.measured.measured_w1_uncertainty_rpm),
+        ),
+        real(
+            "measured_w2_rpm",
+            "speed of flagellum 2 by the swing of the robot",
+            &angle(|angles| angles.measured.measured_w2_rpm),
+        ),
+        real(
+            "measured_w2_uncertainty_rpm",
+            "its 95 % uncertainty",
+            &angle(|angles| angles.measured.measured_w2_uncertainty_rpm),
+        ),
+        text("not_measured", "why these speeds cannot be told", &|trial| {
+            trial.angles.as_ref().and_then(|angles| angles.measured.not_measured).unwrap_or_default().to_owned()
+        }),
         real("window_s", "length of the averaging window", &angle(|angles| Some(angles.steady_s))),
         real(
             "settle_s",

@@ -15,6 +15,9 @@ const FASTEST_HZ: f64 = 1.75;
 /// A shaking has at most this share of its power beside one phase; a swing turns, and has a half.
 const SHAKING_BESIDE: f64 = 0.001;
 
+/// The least swing of the weaker motor by that of the stronger one.
+const WEAKEST: f64 = 0.07;
+
 /// A complex number.
 pub type Complex = nalgebra::Complex<f64>;
 
@@ -64,11 +67,35 @@ impl Fit {
     pub fn motor(&self, motor: usize) -> Option<&Line> {
         self.lines.iter().find(|line| line.of[motor] == 1 && line.of[1 - motor] == 0)
     }
+
+    /// Returns whether one motor's swing is so weak that it may be a part of the other's.
+    pub fn hides_one(&self) -> bool {
+        let [Some(one), Some(other)] = [self.motor(0), self.motor(1)] else { return false };
+        let [one, other] = [size(one.turns), size(other.turns)];
+        one.min(other) < WEAKEST * one.max(other)
+    }
+
+    /// Returns the same lines as those of other senses, a factor of each frequency, or of the other motor each.
+    pub fn read(&self, senses: [f64; 2], swapped: bool) -> Self {
+        let mut fit = self.clone();
+        for line in &mut fit.lines {
+            // Only the own lines of a motor have a sense.
+            let of = usize::from(line.of[0] == 0);
+            if senses[of] < 0.0 && line.of[1 - of] == 0 {
+                (line.turns, line.opposite, line.about_z) = (line.opposite, line.turns, line.about_z.conj());
+            }
+            line.of = if swapped { [line.of[1], line.of[0]] } else { line.of };
+        }
+        let hz = [0, 1].map(|k| senses[k] * self.hz[k]);
+        Self { hz: if swapped { [hz[1], hz[0]] } else { hz }, ..fit }
+    }
 }
 
 /// Fits lines to one motion.
 pub struct Fitter<'a> {
     motion: &'a Motion,
+    /// Times by which the motors turn steadily.
+    t: Vec<f64>,
     rates: DMatrix<f64>,
     slow: DMatrix<f64>,
     window: Vec<f64>,
@@ -89,7 +116,7 @@ impl<'a> Fitter<'a> {
         let rates = DMatrix::from_fn(motion.t.len(), 3, |i, axis| motion.rates[axis][i]);
         let hann = |i: usize| 1.0 - cos(TAU * (i as f64 + 0.5) / count);
         let window = (0..motion.t.len()).map(hann).collect();
-        Self { motion, rates, slow, window, square: [0.0; 3], noise }.with_squares()
+        Self { motion, t: motion.t.clone(), rates, slow, window, square: [0.0; 3], noise }.with_squares()
     }
 
     /// Returns the root mean square of the swing: in the plane, and about z, °/s.
@@ -237,14 +264,11 @@ impl<'a> Fitter<'a> {
         let count = self.motion.t.len();
         let mut columns = Vec::with_capacity(count * (2 * hz.len() + self.slow.ncols()));
         for &f in hz {
-            let (mut s, mut c) = sin_cos(TAU * f * self.motion.t[0]);
-            let (ds, dc) = sin_cos(TAU * f * super::motion::INTERVAL_S);
             let start = columns.len();
             columns.resize(start + 2 * count, 0.0);
             let (cosine, sine) = columns[start..].split_at_mut(count);
-            for (cosine, sine) in cosine.iter_mut().zip(sine) {
-                (*cosine, *sine) = (c, s);
-                (s, c) = (s * dc + c * ds, c * dc - s * ds);
+            for (t, (cosine, sine)) in self.t.iter().zip(cosine.iter_mut().zip(sine)) {
+                (*sine, *cosine) = sin_cos(TAU * f * t);
             }
         }
         columns.extend_from_slice(self.slow.as_slice());
@@ -295,7 +319,7 @@ impl<'a> Fitter<'a> {
                 let i = lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0)?;
                 let (a, b) = (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);
                 let (cosine, sine) = (solved.columns.column(2 * i), solved.columns.column(2 * i + 1));
-                let along = |k: usize| TAU * self.motion.t[k] * (b * cosine[k] - a * sine[k]);
+                let along = |k: usize| TAU * self.t[k] * (b * cosine[k] - a * sine[k]);
                 let column = DVector::from_fn(self.motion.t.len(), |k, _| along(k));
                 let held = solved.cholesky.solve(&(&solved.transposed * &column));
                 Some(column - &solved.columns * held)
@@ -320,6 +344,70 @@ impl<'a> Fitter<'a> {
         } else {
             [if a > 0.0 { right[0] / a } else { 0.0 }, if d > 0.0 { right[1] / d } else { 0.0 }]
         }
+    }
+
+    /// Returns by how much the line of each motor is ahead of a fit in windows of equal lengths, s, and the weights of
+    /// both.
+    pub fn ahead(&self, fit: &Fit, windows: usize) -> Option<(Vec<[f64; 2]>, [f64; 2])> {
+        let lines = self.told_apart(fit.hz);
+        let solved = self.solve(&lines.iter().map(|line| line.1).collect::<Vec<_>>())?;
+        let count = self.motion.t.len();
+        let of = |motor: usize| lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0);
+        let places = [of(0).or(of(1))?, of(1).or(of(0))?];
+        let mut powers = [0.0; 2];
+        let mut all: Vec<[f64; 2]> = Vec::new();
+        for window in 0..windows {
+            let mut turns = [0.0; 2];
+            for motor in 0..2 {
+                let i = 2 * places[motor];
+                // Of the line as fitted and of a line a quarter of a turn ahead: squares, and products with what is left.
+                let (mut squares, mut products) = ([1e-30; 2], [0.0; 2]);
+                for axis in 0..3 {
+                    let (a, b) = (solved.values[(i, axis)], solved.values[(i + 1, axis)]);
+                    for k in window * count / windows..(window + 1) * count / windows {
+                        let (c, s) = (solved.columns[(k, i)], solved.columns[(k, i + 1)]);
+                        for (j, value) in [a * c + b * s, b * c - a * s].into_iter().enumerate() {
+                            squares[j] += self.weight(axis) * value * value;
+                            products[j] += self.weight(axis) * value * solved.residuals[(k, axis)];
+                        }
+                    }
+                }
+                turns[motor] = atan2(products[1] / squares[1], 1.0 + products[0] / squares[0]) / TAU;
+                powers[motor] += squares[1];
+                if let Some(last) = all.last() {
+                    turns[motor] -= (turns[motor] - last[motor]).round();
+                }
+            }
+            all.push(turns);
+        }
+        let hz = places.map(|i| lines[i].1);
+        let all = all.iter().map(|turns| [0, 1].map(|motor| turns[motor] / hz[motor])).collect();
+        Some((all, [0, 1].map(|motor| powers[motor] * hz[motor] * hz[motor])))
+    }
+
+    fn weight(&self, axis: usize) -> f64 {
+        1.0 / (if axis < 2 { self.square[0] + self.square[1] } else { self.square[2] } + 1e-12)
+    }
+
+    /// Takes the time that motors with the speeds of a fit would need for the turns that they made, where both speeds wander
+    /// together.
+    pub fn following(mut self, fit: &Fit, windows: usize) -> Self {
+        let Some((ahead_s, [a, b])) = self.ahead(fit, windows) else { return self };
+        let ahead_s: Vec<f64> = ahead_s.iter().map(|[one, other]| (a * one + b * other) / (a + b)).collect();
+        let width = self.t.len() as f64 / windows as f64;
+        for k in 0..self.t.len() {
+            let at = ((k as f64 + 0.5) / width - 0.5).clamp(0.0, windows as f64 - 1.0);
+            let i = (at as usize).min(windows - 2);
+            let part = (k as f64 + 0.5) / width - 0.5 - i as f64;
+            self.t[k] += ahead_s[i] + part * (ahead_s[i + 1] - ahead_s[i]);
+        }
+        self
+    }
+
+    /// Returns the mean rate of the time that [`Self::following`] has taken.
+    pub fn rate(&self) -> f64 {
+        let product = |of: &[f64]| self.motion.t.iter().zip(of).map(|(t, of)| t * of).sum::<f64>();
+        product(&self.t) / product(&self.motion.t)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Each flagellum swings the base once a turn: the motion of a robot says how fast which motor turned, and in which sense.
 //!
 //! Of wx + i wy, the rates in the plane, a motor has a line at its own frequency, on the side of its sense. The line about z,
-//! against the one in the plane, tells one motor from the other. [`label`] asks whether the speeds of a label explain the motion
-//! better than those of any usual mistake would.
+//! against the one in the plane, tells one motor from the other. [`SwingSpeeds`] are what the motion says alone. [`label`] asks
+//! whether the speeds of a label explain it better than those of any usual mistake would.
 
+mod blind;
 mod causes;
 mod lines;
 mod motion;
@@ -11,6 +12,7 @@ mod score;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub use blind::SwingSpeeds;
 pub use causes::Cause;
 
 use crate::attitude::{Columns, wrapped};
@@ -23,8 +25,8 @@ use std::ops::Range;
 /// A cause is named where its score is better than the label's by this.
 const MARGIN: f64 = 10.0;
 
-/// The same of a cause about one motor where both are equally fast; and, where the flagella touch, of one that a sum or a difference
-/// of both speeds can look like.
+/// The same of a cause about one motor where both are equally fast; and, where the flagella touch, of one about one motor, of one
+/// that a sum or a difference of both speeds can look like, or of one that leaves much of the motion.
 const MARGIN_WHERE_HARD: f64 = 25.0;
 
 /// Lines among which a shaking is looked for.
@@ -33,7 +35,10 @@ const SHAKING: usize = 5;
 /// Causes that are fitted exactly.
 const REFINED: usize = 6;
 
-/// A cause explains a motion of two speeds that are nearly one only where less than this share of it is left.
+/// The largest share of a motion that its speeds may leave.
+const MOST_LEFT: f64 = 0.35;
+
+/// The same of two speeds that are nearly one.
 const NEAR_LEFT: f64 = 0.15;
 
 /// Turns of a frame by two motors that are nearer than this agree, degrees.
@@ -116,9 +121,12 @@ pub fn label(trial: &Labelled) -> Label {
     if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
+    // Speeds that are hardly known may be each other's.
+    let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
+    let is_blurred = is_noisy || apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1) && motion.length_s < 30.0;
     // All roughly, the best exactly.
     let causes = causes::causes(trial.rpm).into_iter().filter(|(cause, _)| {
-        !(are_alike && matches!(cause, Cause::Swapped | Cause::Reversed) || is_noisy && cause.is_of_one())
+        !(are_alike && matches!(cause, Cause::Swapped | Cause::Reversed) || is_blurred && cause.is_of_one())
     });
     let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();
     rough.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -130,8 +138,11 @@ pub fn label(trial: &Labelled) -> Label {
         if are_near && cause.is_of_one() && trial.touches {
             return None;
         }
-        let is_explained = !may_hide || fit.left.iter().all(|left| *left < NEAR_LEFT);
-        let is_hard = cause.is_of_one() && are_alike || cause.is_mixed() && trial.touches;
+        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
+        let is_explained = (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT))
+            && !(cause.is_of_one() && fit.hides_one());
+        let is_hard =
+            cause.is_of_one() && are_alike || trial.touches && (cause.is_of_one() || cause.is_mixed() || !is_clear);
         let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
         let cause = with_factor(cause, trial.rpm, &fit);
         (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause))

@@ -4,7 +4,7 @@
 
 use super::lines::{Complex, Fit, Line, angle_deg, size};
 use crate::attitude::wrapped;
-use sim::functions::{ln, pow};
+use sim::functions::{cos, ln, pow};
 
 /// How much a unit of the logarithm of what is left counts.
 const FIT: f64 = 7.0;
@@ -27,7 +27,8 @@ pub fn least_dps(rpm: f64) -> [f64; 2] {
     [in_plane_dps(rpm), about_z_dps(rpm)].map(|expected| LEAST * expected)
 }
 
-fn in_plane_dps(rpm: f64) -> f64 {
+/// Returns the usual swing in the plane of a motor at this speed, °/s.
+pub fn in_plane_dps(rpm: f64) -> f64 {
     0.075 * rpm * pow(rpm / 45.0, 0.7)
 }
 
@@ -108,6 +109,12 @@ fn in_plane(turns: Complex, hz: f64) -> f64 {
 /// Returns how far the swing about z is from the angle that it has for a motor, degrees.
 pub fn off_deg(line: &Line, motor: usize) -> f64 {
     wrapped(angle_deg(line.about_z, line.turns) - PHASE_DEG - 180.0 * motor as f64)
+}
+
+/// Returns how well both swings about z have the phases of their motors: 2 if exactly, 0 if nothing tells.
+pub fn agreement(fit: &Fit) -> f64 {
+    let of = |motor: usize| fit.motor(motor).map_or(0.0, |line| cos(off_deg(line, motor).to_radians()));
+    of(0) + of(1)
 }
 
 fn flat(line: &Line) -> f64 {

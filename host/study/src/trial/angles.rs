@@ -1,11 +1,19 @@
 //! The steady angles of a trial. Every command uses them.
 
 use super::budget::{AngleTerm, Budget};
+use super::data::Data;
+use crate::attitude::Columns;
+use crate::swing::SwingSpeeds;
 use crate::text::decimal;
 use biflag_log::Summary;
 use serde::Serialize;
 use std::fmt;
 use std::ops::Range;
+use std::sync::OnceLock;
+
+/// Time in which the swing has settled enough, s, and the largest share of the run.
+const SETTLED_S: f64 = 15.0;
+const SETTLED_SHARE: f64 = 0.4;
 
 /// The mean attitude at the end of the run.
 #[derive(Clone, PartialEq, Debug)]
@@ -26,6 +34,10 @@ pub struct Steady {
     pub settled: bool,
     /// Settling time, s from the start of the run; `None` if not settled, or if the model solved for the steady state.
     pub settle_s: Option<f64>,
+    /// The part of the run in which the swing may be looked at, or why there is none.
+    pub(super) swing_s: Result<Range<f64>, &'static str>,
+    /// What it says of the speeds: it takes time, and not every command asks for it.
+    pub(super) measured: OnceLock<SwingSpeeds>,
 }
 
 /// The steady angles of a trial, as every command reports them.
@@ -57,12 +69,31 @@ pub struct Angles {
     pub settled: bool,
     /// Angle turned about each body axis over the whole trial.
     pub turned_deg: [f64; 3],
+    /// The speeds by the swing of the robot.
+    #[serde(flatten)]
+    pub measured: SwingSpeeds,
     /// The causes of the uncertainties; empty for a model, or if they are unknown.
     #[serde(skip)]
     pub budget: Vec<AngleTerm>,
 }
 
+/// Returns the part of a run in which the robot swings steadily, or why there is none.
+pub(super) fn swing_s(data: &Data, run: &Range<f64>) -> Result<Range<f64>, &'static str> {
+    if data.reverse().is_some() || data.records.steer.is_some() {
+        return Err("the speeds change in the run");
+    }
+    if data.records.import.as_ref().is_some_and(|import| !import.constant.is_empty()) {
+        return Err("not all angles are measured");
+    }
+    Ok(run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end)
+}
+
 impl Steady {
+    /// Returns the speeds by the swing of the robot.
+    pub fn measured(&self, angles_deg: &Columns<3>) -> &SwingSpeeds {
+        self.measured.get_or_init(|| SwingSpeeds::of(angles_deg, self.swing_s.clone()))
+    }
+
     /// Returns the causes of uncertainty of all angles.
     pub fn budget(&self) -> Vec<AngleTerm> {
         let tilt = |k: usize| self.tilt.as_ref().map(|tilt| &tilt[k]);

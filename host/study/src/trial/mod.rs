@@ -32,6 +32,7 @@ mod tilt_zero;
 mod usable;
 mod zero;
 
+pub use crate::swing::SwingSpeeds;
 pub use angles::{Angles, Steady};
 pub(crate) use blocks::BLOCK_S;
 pub use bounds::Times;

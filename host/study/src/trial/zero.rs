@@ -7,7 +7,7 @@
 //! starts upright with a yaw of zero, and there is no gyroscope to drift. An imported attitude is also relative to its
 //! rest; the import states its errors.
 
-use super::angles::{Angles, Steady};
+use super::angles::{Angles, Steady, swing_s};
 use super::back_at_zero;
 use super::blocks::end_of;
 use super::budget::Budget;
@@ -30,6 +30,7 @@ use sim::trial::means::{CHANNELS, SteadyCollector};
 use sim::trial::quantity::{SETTLE, Values, WINDOW};
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Smallest gain of the board's filter distinguished from zero, 1/s.
 const MIN_GAIN: f64 = 0.01;
@@ -290,6 +291,7 @@ impl Zeroed {
             steady_s: steady.window.end - steady.window.start,
             settled: steady.settled,
             turned_deg: self.turned_deg,
+            measured: steady.measured(&self.angles_deg).clone(),
             budget: steady.budget(),
         })
     }
@@ -338,6 +340,8 @@ impl Zeroed {
             window,
             settled,
             settle_s,
+            swing_s: swing_s(data, &self.run),
+            measured: OnceLock::new(),
         })
     }
 

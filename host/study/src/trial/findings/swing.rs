@@ -12,10 +12,6 @@ use std::collections::BTreeSet;
 /// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, and of an import.
 const OFF: [(f64, f64); 2] = [(0.012, 0.1), (0.03, 0.3)];
 
-/// Time in which the motion has settled enough, s, and the largest share of the run.
-const SETTLED_S: f64 = 15.0;
-const SETTLED_SHARE: f64 = 0.4;
-
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
 static RULES: [Rule; 1] = [Rule::law(
@@ -43,15 +39,9 @@ fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str]
 
 /// Returns a trial as its swing is asked about it, or why it cannot be.
 pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'a>, &'static str> {
-    let (rpm, run) = (data.speeds().map(CentiRpm::rpm), &zeroed.run);
+    let rpm = data.speeds().map(CentiRpm::rpm);
     let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
-    if data.reverse().is_some() || data.records.steer.is_some() {
-        return Err("the speeds change in the run");
-    }
-    if data.records.import.as_ref().is_some_and(|import| !import.constant.is_empty()) {
-        return Err("an angle was not measured");
-    }
-    let settled_s = run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end;
+    let settled_s = zeroed.steady.as_ref().ok_or("the run is too short for steady angles")?.swing_s.clone()?;
     let (off, touches) = (OFF[usize::from(!data.is_recorded())], robot.flagellum.mesh(rpm));
     Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches })
 }

@@ -1,0 +1,241 @@
+//! How fast the motors turned, by the motion alone.
+
+use super::causes::SLOWEST_RPM;
+use super::lines::{Fit, Fitter, size};
+use super::motion::Motion;
+use super::score::{agreement, in_plane_dps, least_dps, score};
+use super::{MOST_LEFT, SHAKING};
+use crate::attitude::{Columns, student_95};
+use crate::text::decimal;
+use serde::Serialize;
+use std::fmt;
+use std::ops::Range;
+
+/// Length of the part in which the lines are told, s.
+const PART_S: f64 = 20.0;
+
+/// How often speeds that wander are followed, and in windows of which length, s.
+const FOLLOWED: usize = 2;
+const FOLLOWED_S: f64 = 4.0;
+
+/// Most steps of a fit.
+const STEPS: usize = 4;
+
+const TOUCH: &str = "the flagella touch, or the motion does not repeat";
+
+/// Lines of which a motor may have any.
+const LINES: usize = 8;
+
+/// Readings that are fitted exactly.
+const REFINED: usize = 6;
+
+/// How far they may move, in turns over the whole time; closer readings are the same.
+const REACH_TURNS: f64 = 0.8;
+const SAME_TURNS: f64 = 0.5;
+
+/// The least score of two motors, and by how much it must be better than that of other speeds, or of other motors.
+const LEAST_SCORE: f64 = 10.0;
+const LEAST_LEAD: f64 = 2.0;
+
+/// The largest share of a motion that opposite equal speeds may leave, which one line explains: it may be of one motor whose
+/// flagellum is bent.
+const MOST_LEFT_OPPOSITE: f64 = 0.015;
+
+/// The least swing in the plane that a motor makes, by the usual one; and at opposite equal speeds.
+const LEAST_LINE: f64 = 0.2;
+const LEAST_OPPOSITE: f64 = 0.33;
+
+/// A motor's line turns: the largest share of the opposite one.
+const FLATTEST: f64 = 0.75;
+
+/// Slower motors are not told. A little less than their own limit, which a motor may miss.
+const LEAST_RPM: f64 = 0.95 * SLOWEST_RPM;
+
+/// The least agreement of both phases about z with their motors, of 2.
+const LEAST_AGREEMENT: f64 = 1.4;
+
+/// What the scatter of phases understates an error by: neighbouring windows have common errors.
+const INFLATION: f64 = 1.9;
+
+/// Least uncertainty, rpm s: of the phase at both ends.
+const FLOOR_RPM_S: f64 = 2.0;
+
+/// A larger uncertainty is that of a line which does not hold its phase: it is no motor's.
+const MOST_RPM: f64 = 0.4;
+
+/// Speeds of both motors, measured by the swing of the robot.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct SwingSpeeds {
+    /// Speed of motor 1; `None` where it cannot be told.
+    pub measured_w1_rpm: Option<f64>,
+    /// Its 95 % uncertainty.
+    pub measured_w1_uncertainty_rpm: Option<f64>,
+    /// Speed of motor 2.
+    pub measured_w2_rpm: Option<f64>,
+    /// Its 95 % uncertainty.
+    pub measured_w2_uncertainty_rpm: Option<f64>,
+    /// Why they cannot be told; `None` if they are.
+    pub not_measured: Option<&'static str>,
+}
+
+impl SwingSpeeds {
+    /// Measures the speeds in a part of a run, if it has one.
+    pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
+        match part_s.and_then(|part_s| speeds(angles_deg, part_s)) {
+            Ok([one, two]) => Self {
+                measured_w1_rpm: Some(one.0),
+                measured_w1_uncertainty_rpm: Some(one.1),
+                measured_w2_rpm: Some(two.0),
+                measured_w2_uncertainty_rpm: Some(two.1),
+                not_measured: None,
+            },
+            Err(reason) => Self { not_measured: Some(reason), ..Self::default() },
+        }
+    }
+}
+
+impl fmt::Display for SwingSpeeds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = |rpm: Option<f64>, u: Option<f64>| Some(format!("{} ± {}", decimal(rpm?, 2), decimal(u?, 2)));
+        let one = of(self.measured_w1_rpm, self.measured_w1_uncertainty_rpm);
+        match one.zip(of(self.measured_w2_rpm, self.measured_w2_uncertainty_rpm)) {
+            Some((one, two)) => write!(f, "{one} and {two} rpm"),
+            None => write!(f, "cannot be told: {}", self.not_measured.unwrap_or_default()),
+        }
+    }
+}
+
+/// A reading of a motion: its score and its fit.
+struct Reading {
+    score: f64,
+    fit: Fit,
+}
+
+/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties.
+///
+/// # Errors
+/// Why they cannot be told.
+pub(super) fn speeds(angles_deg: &Columns<3>, settled_s: Range<f64>) -> Result<[(f64, f64); 2], &'static str> {
+    let motion = Motion::of(angles_deg, settled_s.clone()).ok_or("the run is too short")?;
+    if motion.stops().is_some() {
+        return Err("the motors stop before the end of the run");
+    }
+    // A part tells what the lines are, where speeds that wander do not blur them.
+    let part_s = settled_s.start.max(settled_s.end - PART_S)..settled_s.end;
+    let part = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
+    let (of_part, found) = told(&part)?;
+    let reach = [1.0 / part.length_s; 2];
+    let mut fitter = Fitter::new(&motion).without_shaking(&found);
+    let mut fit = fitter.refined(of_part.hz, reach, STEPS).ok_or(TOUCH)?;
+    for _ in 0..FOLLOWED {
+        fitter = fitter.following(&fit, (motion.length_s / FOLLOWED_S) as usize);
+        fit = fitter.refined(fit.hz, reach, STEPS).ok_or(TOUCH)?;
+    }
+    if fit.left.iter().any(|left| *left > MOST_LEFT) {
+        return Err(TOUCH);
+    }
+    let uncertainty = uncertainty_rpm(&fitter, &fit, motion.length_s);
+    if uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
+        return Err(TOUCH);
+    }
+    Ok([0, 1].map(|k| (fit.hz[k] * fitter.rate() * 60.0, uncertainty[k])))
+}
+
+/// Returns the reading of a motion, and its strongest lines.
+fn told(motion: &Motion) -> Result<(Fit, Vec<f64>), &'static str> {
+    let fitter = Fitter::new(motion);
+    let (swing, least) = (fitter.swing_dps(), least_dps(SLOWEST_RPM));
+    if (0..2).all(|k| swing[k] < least[k]) {
+        return Err("the robot hardly swings");
+    }
+    let strongest = fitter.strongest(SHAKING);
+    let fitter = fitter.without_shaking(&strongest);
+    let found = fitter.strongest(LINES);
+    let pairs = (0..found.len()).flat_map(|i| (0..i).map(move |j| [i, j])).map(|pair| pair.map(|i| found[i]));
+    let alone = found.iter().flat_map(|f| [[*f, 0.0], [*f, *f], [*f, -f]]);
+    let of = |hz: [f64; 2], reach: [f64; 2], steps: usize| fitter.refined(hz, reach, steps).map(|fit| readings(&fit));
+    let best = |all: Vec<Reading>| all.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
+    let mut rough: Vec<Reading> = pairs.chain(alone).filter_map(|hz| best(of(hz, [0.0; 2], 0)?)).collect();
+    rough.sort_by(|a, b| b.score.total_cmp(&a.score));
+    rough.truncate(REFINED);
+    let turn_hz = 1.0 / motion.length_s;
+    let reach = |f: f64| if f == 0.0 { 0.0 } else { REACH_TURNS * turn_hz };
+    let exact = rough.iter().filter_map(|Reading { fit, .. }| of(fit.hz, fit.hz.map(reach), STEPS)).flatten();
+    let mut exact: Vec<Reading> = exact.filter(|Reading { fit, .. }| !has_too_weak(fit)).collect();
+    exact.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let Some(Reading { score: first, fit }) = exact.first() else { return Err("no line of a motor is seen") };
+    if let Some(reason) = doubt(fit, *first, motion.length_s) {
+        return Err(reason);
+    }
+    let is_near = |f: f64| fit.hz.iter().any(|own| (own - f).abs() < SAME_TURNS * turn_hz);
+    if exact.iter().any(|other| other.score > first - LEAST_LEAD && !other.fit.hz.into_iter().all(is_near)) {
+        return Err("two readings of the motion are as likely");
+    }
+    Ok((fit.clone(), strongest))
+}
+
+/// Returns the readings of a fit: the senses and the motors that its lines may have.
+fn readings(fit: &Fit) -> Vec<Reading> {
+    let senses = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
+    // The senses of one line for both are in its frequencies.
+    let is_one = fit.motor(1).is_none() && fit.hz[1] != 0.0;
+    let all = senses.into_iter().flat_map(|senses| [false, true].map(|swapped| (senses, swapped)));
+    let all = all.filter(|([a, b], swapped)| !is_one || a == b && !swapped);
+    all.map(|(senses, swapped)| fit.read(senses, swapped)).map(|fit| Reading { score: score(&fit), fit }).collect()
+}
+
+/// Returns whether a line is weaker than any motor's.
+fn has_too_weak(fit: &Fit) -> bool {
+    let least = |k: usize| LEAST_LINE * in_plane_dps(fit.hz[k].abs() * 60.0);
+    let is_weak = |k: usize| fit.motor(k).is_some_and(|line| size(line.turns) < least(k));
+    (0..2).any(is_weak)
+}
+
+/// Returns why the best reading of a motion is no answer.
+fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
+    let [one, other] = fit.hz.map(|f| f * length_s);
+    if fit.left.iter().any(|left| *left > MOST_LEFT) || score < LEAST_SCORE {
+        return Some(TOUCH);
+    }
+    let is_told = match [fit.motor(0), fit.motor(1)] {
+        [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
+            if fit.hides_one() || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns)) {
+                return Some("the swing of one motor hides that of the other");
+            }
+            agreement(fit) > LEAST_AGREEMENT
+        }
+        [Some(line), None] if (one + other).abs() < 1.0 => {
+            let least = LEAST_OPPOSITE * in_plane_dps(fit.hz[0].abs() * 60.0);
+            if fit.left.iter().any(|left| *left > MOST_LEFT_OPPOSITE)
+                || size(line.turns).min(size(line.opposite)) < least
+            {
+                return Some("one motor turns, or both at nearly one speed");
+            }
+            score - self::score(&fit.read([-1.0; 2], false)) > LEAST_LEAD
+        }
+        _ => return Some("one motor turns, or both at nearly one speed"),
+    };
+    if !is_told {
+        return Some("the swing does not tell which motor is which");
+    }
+    fit.hz.iter().any(|f| f.abs() * 60.0 < LEAST_RPM).then_some("a motor is slower than 10 rpm")
+}
+
+/// Returns the uncertainties of both speeds: those of lines through the phases of windows.
+fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
+    let windows = if length_s < 30.0 { 5 } else { 6 };
+    let Some((ahead_s, _)) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
+    let count = windows as f64;
+    let at = |i: usize| (i as f64 - (count - 1.0) / 2.0) * length_s / count;
+    let squares: f64 = (0..windows).map(|i| at(i) * at(i)).sum();
+    [0, 1].map(|motor| {
+        let of = |i: usize| ahead_s[i][motor];
+        let mean = (0..windows).map(of).sum::<f64>() / count;
+        let slope = (0..windows).map(|i| at(i) * of(i)).sum::<f64>() / squares;
+        let left = |i: usize| of(i) - mean - slope * at(i);
+        let variance = (0..windows).map(|i| left(i) * left(i)).sum::<f64>() / (count - 2.0);
+        let share = student_95(count - 2.0) * (variance / squares).sqrt();
+        let (scatter, floor) = (INFLATION * share * fit.hz[motor].abs() * 60.0, FLOOR_RPM_S / length_s);
+        (scatter * scatter + floor * floor).sqrt()
+    })
+}
