@@ -90,8 +90,8 @@ mod tests {
 
     #[test]
     fn each_edge_of_the_pwm_strikes_the_lines_of_its_cable() {
-        let mut coupling = Coupling::default();
-        coupling.cable = Some(Cable { width: 160, shared: false, channels: [true, false] });
+        let cable = Some(Cable { width: 160, shared: false, channels: [true, false] });
+        let mut coupling = Coupling { cable, ..Coupling::default() };
         let bridge = Bridge { drive: [Drive::Voltage(0.5), Drive::Coast], ..Bridge::default() };
         coupling.drive(0, &bridge, [99, 200], [16384; 2]);
         let (mut cycle, mut spikes, mut is_struck) = (16384, Vec::new(), false);
@@ -110,8 +110,8 @@ mod tests {
 
     #[test]
     fn a_compare_value_comes_into_force_where_the_counter_begins_anew() {
-        let mut coupling = Coupling::default();
-        coupling.cable = Some(Cable { width: 32, shared: true, channels: [true; 2] });
+        let cable = Some(Cable { width: 32, shared: true, channels: [true; 2] });
+        let mut coupling = Coupling { cable, ..Coupling::default() };
         let bridge = Bridge { drive: [Drive::Voltage(0.5), Drive::Coast], ..Bridge::default() };
         coupling.drive(0, &bridge, [99, 0], [16384; 2]);
         let mut strikes = |cycle: u64| coupling.strike(cycle, [cycle % 16384; 2]).0 == [[true; 2]; 2];
