@@ -43,7 +43,7 @@ fn usb_packets_and_a_resonator_that_is_off_lose_nothing() {
 fn a_fault_of_the_board_is_named() {
     let bench = Bench::new();
     for (fault, named) in [
-        ("blocked=2@2", "motor 2"),
+        ("blocked=2@2", "encoder 2"),
         ("gone@2", "IMU"),
         ("brown-out@2", "supply"),
         ("hang=1@2", "restarted"),

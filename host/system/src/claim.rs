@@ -8,6 +8,10 @@ use std::io::{Error, ErrorKind, Result};
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::time::{Duration, Instant};
+
+/// How long a claim waits: another program that is being started holds the names of the one that starts it for a moment.
+const WAIT: Duration = Duration::from_millis(200);
 
 /// Exclusive use of a port until it is dropped.
 #[derive(Debug)]
@@ -24,12 +28,15 @@ impl Claim {
         // A device can have several names, and links to them.
         let device = std::fs::metadata(path)?;
         let name = format!("biflag-port-{:x}-{:x}-{:x}", device.rdev(), device.dev(), device.ino());
-        let name =
-            UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(name)?).map_err(|error| match error.kind() {
-                ErrorKind::AddrInUse => Error::from(ErrorKind::ResourceBusy),
-                _ => error,
-            })?;
-        Ok(Self { _name: name })
+        let (name, begun) = (SocketAddr::from_abstract_name(name)?, Instant::now());
+        loop {
+            match UnixDatagram::bind_addr(&name) {
+                Ok(name) => return Ok(Self { _name: name }),
+                Err(error) if error.kind() != ErrorKind::AddrInUse => return Err(error),
+                Err(_) if begun.elapsed() > WAIT => return Err(Error::from(ErrorKind::ResourceBusy)),
+                Err(_) => std::thread::sleep(WAIT / 20),
+            }
+        }
     }
 }
 
