@@ -144,7 +144,9 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
             Some(turn) => lines.add("hand turn", turn.verdict(angles.turned_deg).0),
             None => {
                 lines.add("steady", angles);
-                lines.add("swings at", &angles.measured);
+                if !data.is_model() {
+                    lines.add("swings at", &angles.measured);
+                }
                 lines.add(
                     "of the yaw's ±",
                     zeroed.steady.as_ref().and_then(|steady| steady.yaw.as_ref()).map_or_else(String::new, shares),

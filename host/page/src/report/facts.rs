@@ -134,7 +134,8 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
             }
         }
     }
-    facts.extend(view.measured.as_ref().map(|measured| ("Speeds by the swing", measured.to_string())));
+    let measured = view.measured.as_ref().filter(|_| !view.is_model());
+    facts.extend(measured.map(|measured| ("Speeds by the swing", measured.to_string())));
     if let Some(robot) = &records.robot {
         facts.push(("Robot of the recording", robot.name.clone()));
     }

@@ -79,6 +79,11 @@ pub struct SwingSpeeds {
 }
 
 impl SwingSpeeds {
+    /// Returns no speeds, and why.
+    pub fn unknown(why: &'static str) -> Self {
+        Self { not_measured: Some(why), ..Self::default() }
+    }
+
     /// Measures the speeds in a part of a run, if it has one.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
         match part_s.and_then(|part_s| speeds(angles_deg, part_s)) {
@@ -89,7 +94,7 @@ impl SwingSpeeds {
                 measured_w2_uncertainty_rpm: Some(two.1),
                 not_measured: None,
             },
-            Err(reason) => Self { not_measured: Some(reason), ..Self::default() },
+            Err(why) => Self::unknown(why),
         }
     }
 }

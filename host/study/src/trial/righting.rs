@@ -9,6 +9,7 @@ use sim::resistance::resistance;
 use sim::return_to_rest::TimeConstants;
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// Longest time constant, s: with longer ones, a tilt hardly changes over a rest of a minute.
 const LONGEST_S: f64 = 600.0;
@@ -61,6 +62,17 @@ const LARGEST_DEG: f64 = 80.0;
 /// Returns the largest tilt of a robot, degrees: where its weight rights it as much as both thrusts at the fastest speed, on the
 /// levers of their shafts, can tilt it ([`mod@resistance`]). `None` if its file is invalid.
 pub(super) fn largest_tilt_deg(robot: &Robot) -> Option<f64> {
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    match &*last {
+        Some((known, deg)) if known == robot => *deg,
+        _ => last.insert((robot.clone(), tilt_of_thrusts_deg(robot))).1,
+    }
+}
+
+/// The last robot and its largest tilt: the trials of a session have one robot.
+static LAST: Mutex<Option<(Robot, Option<f64>)>> = Mutex::new(None);
+
+fn tilt_of_thrusts_deg(robot: &Robot) -> Option<f64> {
     let base = &robot.base;
     let matrix = resistance(robot, &[0.0; 2]).ok()?.matrix;
     let thrusts_n: f64 =

@@ -21,6 +21,7 @@ use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
+use crate::swing::SwingSpeeds;
 use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
@@ -341,7 +342,10 @@ impl Zeroed {
             settled,
             settle_s,
             swing_s: swing_s(data, &self.run),
-            measured: OnceLock::new(),
+            measured: match self.is_model() {
+                true => OnceLock::from(SwingSpeeds::unknown("a model has the speeds of its trial")),
+                false => OnceLock::new(),
+            },
         })
     }
 
