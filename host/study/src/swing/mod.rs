@@ -159,7 +159,7 @@ pub fn label(trial: &Labelled) -> Label {
 }
 
 /// Returns by which angle the body's x and y are turned about its z between two motions of one robot, degrees; `None` where the
-/// motors do not agree on it, or their lines cannot be told apart.
+/// motors disagree, or their lines overlap.
 pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     let off = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;

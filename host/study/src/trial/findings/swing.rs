@@ -4,7 +4,7 @@ use super::{Rule, Section, frame};
 use crate::swing::{Cause, Label, Labelled, label};
 use crate::text::either;
 use crate::trial::data::Data;
-use crate::trial::finding::FindingKind::Swing;
+use crate::trial::finding::FindingKind::{Swing, Upright};
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
 use std::collections::BTreeSet;
@@ -14,15 +14,18 @@ const OFF: [(f64, f64); 2] = [(0.012, 0.1), (0.03, 0.3)];
 
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
-static RULES: [Rule; 1] = [Rule::law(
-    Swing,
-    "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit and frame of the angles",
-    other_swing,
-)];
+static RULES: [Rule; 2] = [
+    Rule::note(Upright, frame::AXES, turns_with_its_motors),
+    Rule::law(
+        Swing,
+        "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit and frame of the angles",
+        other_swing,
+    ),
+];
 
 /// What a frame may be, as part of a sentence.
-pub(super) const FRAME_MIRRORED: &str = "the frame of the angles is mirrored or its z axis points down";
-pub(super) const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
+const FRAME_MIRRORED: &str = "the frame of the angles is mirrored or its z axis points down";
+const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
 const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
 
 /// Returns what frame of the angles looks like a mistake of the speeds. `has_other_sense`: whether the yaw has another sign than
@@ -47,7 +50,7 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
 }
 
 /// Returns what the swing of a trial says of its speeds, or why nothing.
-pub(super) fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
+fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     if frame::is_wrong(data, zeroed) {
         return Err("the frame of the angles is not that of the body");
     }
@@ -75,4 +78,19 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
         Label::Right => Ok(None),
         Label::NotJudged(why) => Err(why),
     }
+}
+
+fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    if !frame::has_other_sense(data, zeroed)? || frame::is_wrong(data, zeroed) {
+        return None;
+    }
+    let both = Cause::Sign([true; 2]).to_string();
+    let causes = match judged(data, zeroed) {
+        // The senses of the motors are right, so that it is the yaw.
+        Ok(Label::Right) => vec![YAW_CLOCKWISE],
+        // These causes are named beside those of the swing.
+        Ok(Label::Wrong(_)) => return None,
+        _ => vec![&both[..], FRAME_MIRRORED, YAW_CLOCKWISE],
+    };
+    Some(format!("the robot turns in the sense of its motors, and would turn against them: as if {}", either(&causes)))
 }

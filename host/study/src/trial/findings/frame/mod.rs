@@ -1,9 +1,7 @@
 //! Findings about the frame of the angles: a robot hangs upright at rest, tilts only so far, and turns against its motors.
 
-use super::swing::{self, FRAME_MIRRORED, YAW_CLOCKWISE};
 use super::{Rule, Section};
 use crate::attitude::{Euler, LARGEST_TILT_DEG, tilt_deg, wrapped};
-use crate::swing::{Cause, Label};
 use crate::text::either;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Upright;
@@ -21,18 +19,17 @@ const LEAST_YAW_DEG: f64 = 5.0;
 const HALF_TURN_DEG: f64 = 150.0;
 
 const ANOTHER: &str = "give the angles in a frame whose z axis points up";
-const AXES: &str = "check the axes of the angles, and the robot's file";
+pub(super) const AXES: &str = "check the axes of the angles, and the robot's file";
 
 pub(super) const SECTION: Section =
     Section { is_judged: |data| data.times.has_run() && data.speeds() != [CentiRpm(0); 2], rules: &RULES };
 
-static RULES: [Rule; 3] = [
+static RULES: [Rule; 2] = [
     Rule::law(Upright, ANOTHER, |data, zeroed| match data.records.import.is_some() && zeroed.rest.is_missing {
         true => Err("no rest before the run"),
         false => Ok(askew(data, zeroed)),
     }),
     Rule::warning(Upright, AXES, tilts_too_far),
-    Rule::note(Upright, AXES, turns_with_its_motors),
 ];
 
 /// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
@@ -82,21 +79,6 @@ pub(super) fn has_other_sense(data: &Data, zeroed: &Zeroed) -> Option<bool> {
     let (sense, angles) = (sense(data)?, zeroed.angles()?);
     let least_deg = angles.yaw_uncertainty_deg.unwrap_or_default().max(LEAST_YAW_DEG);
     (angles.yaw_deg.abs() > least_deg).then_some(angles.yaw_deg * sense < 0.0)
-}
-
-fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
-    if data.is_model() || !has_other_sense(data, zeroed)? || is_wrong(data, zeroed) {
-        return None;
-    }
-    let both = Cause::Sign([true; 2]).to_string();
-    let causes = match swing::judged(data, zeroed) {
-        // The senses of the motors are right, so that it is the yaw.
-        Ok(Label::Right) => vec![YAW_CLOCKWISE],
-        // These causes are named beside those of the swing.
-        Ok(Label::Wrong(_)) => return None,
-        _ => vec![&both[..], FRAME_MIRRORED, YAW_CLOCKWISE],
-    };
-    Some(format!("the robot turns in the sense of its motors, and would turn against them: as if {}", either(&causes)))
 }
 
 /// Returns the frames in which the angles of an import may be instead, in words: in each of them the robot hangs upright and
