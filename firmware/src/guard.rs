@@ -135,8 +135,11 @@ impl Guard {
         let speed = if target.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
         self.has_reached |= speed >= wanted - (wanted >> 3);
         self.quiet_ticks = if is_driven && motion.edges == 0 { self.quiet_ticks.saturating_add(1) } else { 0 };
+        if !self.has_reached || self.quiet_ticks < QUIET_TICKS {
+            return false;
+        }
         let turned = i32::from(wanted) * i32::from(self.quiet_ticks) * PARTS;
-        self.has_reached && self.quiet_ticks >= QUIET_TICKS && turned >> QUIET_COUNTS >= count
+        turned >> QUIET_COUNTS >= count
     }
 
     fn is_runaway(&mut self, duty: u8, speed: i16) -> bool {

@@ -5,7 +5,7 @@ use protocol::{Command, Fault, Settings};
 use virtual_nano::BoardOptions;
 
 /// Of 30,720 bytes beside the bootloader.
-const FLASH: u64 = 29_700;
+const FLASH: u64 = 30_300;
 /// Of 2,048 bytes.
 const RAM: u64 = 1_450;
 /// Of 80,000 cycles.
