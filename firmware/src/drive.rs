@@ -5,19 +5,20 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::Duty;
+use protocol::{Bridge, Settings};
 
-use crate::bridge::Bridge;
+use crate::bridge::Channel;
 
 /// Both motors.
 pub struct Motors<PIN, PWM> {
-    bridges: [Bridge<PIN, PWM>; 2],
+    channels: [Channel<PIN, PWM>; 2],
     standby: PIN,
 }
 
 impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
     /// Returns both motors, off. `standby` is the bridge's STBY pin.
-    pub fn new(bridges: [Bridge<PIN, PWM>; 2], standby: PIN) -> Self {
-        let mut motors = Self { bridges, standby };
+    pub fn new(channels: [Channel<PIN, PWM>; 2], standby: PIN) -> Self {
+        let mut motors = Self { channels, standby };
         motors.stop();
         motors
     }
@@ -25,18 +26,18 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
     /// Turns both motors off.
     pub fn stop(&mut self) {
         self.standby.set_low().ok();
-        for bridge in &mut self.bridges {
-            bridge.apply(0);
+        for channel in &mut self.channels {
+            channel.apply(0, Bridge::Enable);
         }
     }
 
-    /// Drives both motors; `reversed`: the motors that a positive duty turns backwards.
-    pub fn drive(&mut self, duty: &[Duty; 2], reversed: &[bool; 2]) {
+    /// Drives both motors through the bridge of these settings.
+    pub fn drive(&mut self, duty: &[Duty; 2], settings: &Settings) {
         if duty[0].0 | duty[1].0 == 0 {
             return self.stop();
         }
-        for ((bridge, duty), reversed) in self.bridges.iter_mut().zip(duty).zip(reversed) {
-            bridge.apply(if *reversed { -duty.0 } else { duty.0 });
+        for ((channel, duty), reversed) in self.channels.iter_mut().zip(duty).zip(settings.motor_reversed) {
+            channel.apply(if reversed { -duty.0 } else { duty.0 }, settings.bridge);
         }
         self.standby.set_high().ok();
     }
@@ -49,11 +50,11 @@ mod tests {
     use embedded_hal_mock::eh1::pwm::{Mock as Pwm, Transaction as PwmSet};
 
     /// Returns a bridge that expects these calls: IN1, IN2 and duty.
-    fn bridge(calls: &[(State, State, u16)]) -> (Bridge<Pin, Pwm>, [Pin; 2], Pwm) {
+    fn bridge(calls: &[(State, State, u16)]) -> (Channel<Pin, Pwm>, [Pin; 2], Pwm) {
         let in1 = Pin::new(&calls.iter().map(|call| PinSet::set(call.0)).collect::<Vec<_>>());
         let in2 = Pin::new(&calls.iter().map(|call| PinSet::set(call.1)).collect::<Vec<_>>());
         let pwm = Pwm::new(&calls.iter().map(|call| PwmSet::set_duty_cycle(call.2)).collect::<Vec<_>>());
-        (Bridge::new([in1.clone(), in2.clone()], pwm.clone()), [in1, in2], pwm)
+        (Channel::new([in1.clone(), in2.clone()], pwm.clone()), [in1, in2], pwm)
     }
 
     #[test]
@@ -64,10 +65,32 @@ mod tests {
         let (second, pins2, pwm2) = bridge(&[off, (High, Low, 7), off, (Low, High, 9), off]);
         let standby = Pin::new(&[Low, High, High, High, Low].map(PinSet::set));
         let mut motors = Motors::new([first, second], standby.clone());
-        motors.drive(&[Duty(200), Duty(-7)], &[false, true]);
-        motors.drive(&[Duty(-255), Duty(0)], &[false, true]);
-        motors.drive(&[Duty(9), Duty(9)], &[false, true]);
-        motors.drive(&[Duty(0), Duty(0)], &[false, true]);
+        let settings = Settings { motor_reversed: [false, true], ..Settings::DEFAULT };
+        motors.drive(&[Duty(200), Duty(-7)], &settings);
+        motors.drive(&[Duty(-255), Duty(0)], &settings);
+        motors.drive(&[Duty(9), Duty(9)], &settings);
+        motors.drive(&[Duty(0), Duty(0)], &settings);
+        for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
+            pin.done();
+        }
+        pwm1.clone().done();
+        pwm2.clone().done();
+    }
+
+    /// PWM on the first input and direction on the second: backwards the motor turns while PWM is low.
+    #[test]
+    fn a_bridge_without_enable_has_its_pulses_inverted_backwards() {
+        use State::{High, Low};
+        // IN2 is low first.
+        let off = (Low, Low, 0);
+        let (first, pins1, pwm1) = bridge(&[off, (Low, Low, 200), (High, Low, 0), off]);
+        let (second, pins2, pwm2) = bridge(&[off, (High, Low, 248), off, off]);
+        let standby = Pin::new(&[Low, High, High, Low].map(PinSet::set));
+        let mut motors = Motors::new([first, second], standby.clone());
+        let settings = Settings { bridge: Bridge::InIn, ..Settings::DEFAULT };
+        motors.drive(&[Duty(200), Duty(-7)], &settings);
+        motors.drive(&[Duty(-255), Duty(0)], &settings);
+        motors.stop();
         for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
             pin.done();
         }

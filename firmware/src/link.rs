@@ -9,7 +9,7 @@ use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 pub const OUTBOX: u8 = 144;
 
 /// Lengths of the longest answer to some requests.
-const SETTINGS: u8 = 60;
+const SETTINGS: u8 = 62;
 const INFO: u8 = 40;
 const PONG: u8 = 11;
 

@@ -108,7 +108,7 @@ mod tests {
     const TICK_US: u32 = 5000;
 
     fn point(tick: u32, rpm: i16, phase: u8) -> SetPoint {
-        SetPoint { tick, speeds: [CentiRpm(rpm * 100), CentiRpm(0)], phase }
+        SetPoint { tick, speeds: [CentiRpm(rpm * 100), CentiRpm(0)], duties: [0; 2], phase }
     }
 
     fn trial(points: &[SetPoint]) -> Schedule {
@@ -120,10 +120,10 @@ mod tests {
     }
 
     const TRIAL: [SetPoint; 4] = [
-        SetPoint { tick: 0, speeds: [CentiRpm(0); 2], phase: 1 },
-        SetPoint { tick: 10, speeds: [CentiRpm(5000), CentiRpm(0)], phase: 2 },
-        SetPoint { tick: 30, speeds: [CentiRpm(0); 2], phase: 3 },
-        SetPoint { tick: 40, speeds: [CentiRpm(0); 2], phase: 4 },
+        SetPoint { tick: 0, speeds: [CentiRpm(0); 2], duties: [0; 2], phase: 1 },
+        SetPoint { tick: 10, speeds: [CentiRpm(5000), CentiRpm(0)], duties: [0; 2], phase: 2 },
+        SetPoint { tick: 30, speeds: [CentiRpm(0); 2], duties: [0; 2], phase: 3 },
+        SetPoint { tick: 40, speeds: [CentiRpm(0); 2], duties: [0; 2], phase: 4 },
     ];
 
     /// Runs 60 ticks from a time just below the clock's wrap; returns the tick and phase of each set-point that began.

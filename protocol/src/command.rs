@@ -24,7 +24,7 @@ pub struct Request {
 pub enum Command {
     /// Handshake: asks for [`Info`](crate::Info). Always the first variant, encoded as the byte 0.
     Hello,
-    /// Turn flagella 1 and 2 at these speeds, each within [`CentiRpm::LIMIT`].
+    /// Turn flagella 1 and 2 at these speeds, each within [`CentiRpm::LIMIT`]. A board without encoders accepts only zeros.
     SetSpeeds([CentiRpm; 2]),
     /// Motors off. Always accepted.
     Stop,
@@ -80,14 +80,16 @@ pub enum Command {
         /// 0 is the latest one; up to [`FAULT_RECORDS`](crate::FAULT_RECORDS) - 1.
         index: u8,
     },
-    /// Turn both flagella to these positions of their encoders, then turn the motors off. Motors must be off.
+    /// Turn both flagella to these positions of their encoders, then turn the motors off. Motors must be off. Refused without
+    /// encoders.
     TurnTo {
         /// Positions of encoders 1 and 2, less than 2^31 counts away.
         position: [EncoderCounts; 2],
         /// The speed of a flagellum that is far from its position, 0.01 rpm to [`MAX_TURN_SPEED`].
         speed: CentiRpm,
     },
-    /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off.
+    /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off. Refused without
+    /// encoders.
     Align,
     /// Read four bytes of the note.
     ReadNote {
@@ -133,6 +135,9 @@ pub struct SetPoint {
     pub tick: u32,
     /// Target speeds of flagella 1 and 2 from then on, each within [`CentiRpm::LIMIT`].
     pub speeds: [CentiRpm; 2],
+    /// Sizes of the duties of motors 1 and 2, which have the signs of the speeds, if the board has no encoders
+    /// ([`SpeedFrom::Duty`](crate::SpeedFrom::Duty)).
+    pub duties: [u8; 2],
     /// The number in the telemetry from then on. The host chooses it; it is not 0.
     pub phase: u8,
 }

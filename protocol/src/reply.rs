@@ -45,6 +45,8 @@ pub enum Refusal {
     EepromFailed,
     /// The set-points are not a schedule, or it would start in the past.
     NotASchedule,
+    /// The motors have no encoders.
+    NoEncoders,
 }
 
 /// Identity of the board.

@@ -2,6 +2,7 @@
 
 use crate::units::{AccelRange, AxisMap, GyroRange, Millivolts};
 use serde::{Deserialize, Serialize};
+use serde_repr::{Deserialize_repr, Serialize_repr};
 #[cfg(target_arch = "avr")]
 use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
@@ -56,6 +57,34 @@ pub struct Settings {
     pub moving_duty: [u8; 2],
     /// The chip's bandgap voltage, 1000 to 1200 mV (its electrical characteristics), against which the supply is measured.
     pub bandgap: Millivolts,
+    /// Inputs of the bridge.
+    pub bridge: Bridge,
+    /// What the speeds are controlled by.
+    pub speed_from: SpeedFrom,
+}
+
+/// Inputs of a channel of the bridge.
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[repr(u8)]
+pub enum Bridge {
+    /// Enable by PWM and two inputs for the direction: TB6612, L298N, L293D.
+    #[default]
+    Enable,
+    /// Two inputs: PWM on the first, direction on the second; the PWM is inverted backwards: DRV8833, DRV8871, MX1508.
+    InIn,
+}
+
+/// What the speeds of the motors are controlled by.
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[repr(u8)]
+pub enum SpeedFrom {
+    /// Encoders: the board keeps the speeds.
+    #[default]
+    Encoders,
+    /// The motors have no encoders: the board applies the duties of the set-points.
+    Duty,
 }
 
 impl Settings {
@@ -81,6 +110,8 @@ impl Settings {
         deadline_ms: 500,
         moving_duty: [100; 2],
         bandgap: Millivolts(1100),
+        bridge: Bridge::Enable,
+        speed_from: SpeedFrom::Encoders,
     };
 
     /// Returns whether every value is in its range.

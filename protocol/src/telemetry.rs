@@ -50,11 +50,11 @@ pub struct Telemetry {
     pub temperature: TemperatureCounts,
     /// Target speeds of flagella 1 and 2.
     pub target: [CentiRpm; 2],
-    /// Measured speeds.
+    /// Measured speeds; [`CentiRpm::UNKNOWN`] without encoders.
     pub speed: [CentiRpm; 2],
     /// Duties of the bridges.
     pub duty: [Duty; 2],
-    /// Positions of the encoders; [`Settings::counts_per_turn`](crate::Settings::counts_per_turn) counts are one
+    /// Positions of the encoders, meaningless without them; [`Settings::counts_per_turn`](crate::Settings::counts_per_turn) counts are one
     /// revolution of a flagellum. They count from the flagella's marks if
     /// [`Info::angles_known`](crate::Info::angles_known), otherwise from the board's start.
     pub encoder: [EncoderCounts; 2],

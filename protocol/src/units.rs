@@ -85,6 +85,9 @@ impl CentiRpm {
     /// The largest speed that the board accepts, in either direction.
     pub const LIMIT: Self = Self(9000);
 
+    /// A speed that nothing measures.
+    pub const UNKNOWN: Self = Self(i16::MIN);
+
     /// Returns the nearest value to `rpm`; saturates at ±327.67 rpm.
     pub fn from_rpm(rpm: f64) -> Self {
         Self(round_to_i16(rpm * 100.0))

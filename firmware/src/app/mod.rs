@@ -9,7 +9,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, SpeedFrom, State, Telemetry};
 
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
@@ -26,6 +26,9 @@ use crate::settings::{Saving, Store};
 use crate::speed::{Gains, SpeedControl, Turn, count_in_ticks};
 use crate::storage::Storage;
 use crate::supply::Supply;
+
+/// The largest change in a tick of a duty that no encoder controls.
+const RAMP: i16 = 2;
 
 /// The image's data about its own build.
 #[derive(Clone, Copy, Debug)]
@@ -90,6 +93,8 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     store: Store<STORAGE>,
     latch: Latch,
     schedule: Schedule,
+    /// [`SetPoint::duties`](protocol::SetPoint::duties) of the set-point in force.
+    duties: [u8; 2],
     /// Ticks left of the open-loop drive.
     drive_ticks: u16,
     /// The turn to positions.
@@ -141,6 +146,7 @@ where
             store: Store::new(storage),
             latch: Latch::default(),
             schedule: Schedule::default(),
+            duties: [0; 2],
             drive_ticks: 0,
             turn: None,
             supply: Supply::default(),
@@ -311,6 +317,9 @@ where
     /// Measures a speed, and checks the motor's reaction to the duty of the tick before.
     #[inline(never)]
     fn measure_speed(&mut self, motor: usize, tick: &Tick) {
+        if self.is_blind() {
+            return self.check_blind(motor);
+        }
         let edges = &tick.edges[motor];
         let mut motion = self.encoders[motor].update(edges, tick.time, self.speed_scale);
         if self.settings.encoder_reversed[motor] {
@@ -339,11 +348,27 @@ where
         self.raise(if motor == 0 { faults[0] } else { faults[1] });
     }
 
+    /// Checks a motor without encoder.
+    #[inline(never)]
+    fn check_blind(&mut self, motor: usize) {
+        let telemetry = &mut self.telemetry;
+        telemetry.speed[motor] = CentiRpm::UNKNOWN;
+        if self.guards[motor].check_blind(telemetry.duty[motor], telemetry.target[motor]) {
+            self.raise(if motor == 0 { Fault::Motor1Overloaded } else { Fault::Motor2Overloaded });
+        }
+    }
+
+    /// Returns whether the motors have no encoders.
+    fn is_blind(&self) -> bool {
+        self.settings.speed_from == SpeedFrom::Duty
+    }
+
     #[inline(never)]
     fn follow_schedule(&mut self, tick: &Tick) {
         if let Some(point) = self.schedule.advance(tick.missed.saturating_add(1), tick.time) {
             self.telemetry.phase = point.phase;
             self.telemetry.target = point.speeds;
+            self.duties = point.duties;
             if !self.is_running() {
                 self.turn_off();
             }
@@ -369,7 +394,7 @@ where
             return;
         }
         if self.drive_ticks > 0 {
-            self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
+            self.motors.drive(&self.telemetry.duty, &self.settings);
             self.drive_ticks -= 1;
             if self.drive_ticks == 0 {
                 self.turn_off();
@@ -377,13 +402,17 @@ where
         }
         if self.is_running() {
             self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
-            self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
+            self.motors.drive(&self.telemetry.duty, &self.settings);
         }
     }
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
         let (target, speed) = (self.telemetry.target[motor], self.telemetry.speed[motor]);
+        if self.is_blind() {
+            let goal = i16::from(self.duties[motor]);
+            return ramp(self.telemetry.duty[motor], if target.0.is_negative() { -goal } else { goal });
+        }
         let control = &mut self.control[motor];
         match self.turn {
             None => control.duty(target, speed, self.speed_gains),
@@ -492,6 +521,12 @@ where
             self.store.log_fault(&FaultRecord { boot: self.boot_count, time, fault, duty, speed, program_counter });
         }
     }
+}
+
+/// Returns the duty of the next tick on the way to `goal`.
+#[inline(never)]
+fn ramp(Duty(duty): Duty, goal: i16) -> Duty {
+    if duty < goal { Duty((duty + RAMP).min(goal)) } else { Duty((duty - RAMP).max(goal)) }
 }
 
 #[inline(never)]

@@ -104,6 +104,9 @@ where
         if self.schedule.is_active() {
             return Err(Refusal::Running);
         }
+        if target[0].0 | target[1].0 != 0 {
+            self.refuse_without_encoders()?;
+        }
         self.telemetry.phase = 0;
         self.drive_ticks = 0;
         self.turn = None;
@@ -133,7 +136,7 @@ where
         self.telemetry.duty = duty;
         self.drive_ticks = duration_ms.div_ceil(TICK_MS) + 1;
         if self.store.positions.may_change() {
-            self.motors.drive(&duty, &self.settings.motor_reversed);
+            self.motors.drive(&duty, &self.settings);
         }
         Ok(())
     }
@@ -143,6 +146,7 @@ where
             return Err(Refusal::OutOfRange);
         }
         self.refuse_unless_ready()?;
+        self.refuse_without_encoders()?;
         self.telemetry.phase = 0;
         self.turn = Some(Turn { position, speed });
         Ok(())
@@ -150,6 +154,7 @@ where
 
     fn align(&mut self) -> Result<(), Refusal> {
         self.refuse_if_running()?;
+        self.refuse_without_encoders()?;
         self.telemetry.encoder = [EncoderCounts(0); 2];
         self.store.positions.align();
         Ok(())
@@ -169,7 +174,7 @@ where
             return Err(Refusal::OutOfRange);
         }
         self.refuse_if_busy()?;
-        if self.settings.encoder_reversed != settings.encoder_reversed {
+        if self.settings.encoder_reversed != settings.encoder_reversed || self.settings.speed_from != settings.speed_from {
             self.store.positions.lose();
         }
         self.settings = *settings;
@@ -230,6 +235,11 @@ where
     #[inline(never)]
     fn refuse_unless_ready(&self) -> Result<(), Refusal> {
         if self.latch.is_set() { Err(Refusal::Faulted) } else { self.refuse_if_busy() }
+    }
+
+    #[inline(never)]
+    fn refuse_without_encoders(&self) -> Result<(), Refusal> {
+        if self.is_blind() { Err(Refusal::NoEncoders) } else { Ok(()) }
     }
 
     /// Refuses unless the motors are off and there is no calibration.

@@ -5,11 +5,12 @@ use core::convert::Infallible;
 use avr_device::atmega328p::{PORTB, PORTD, TC0, TC2};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::pwm::{self, SetDutyCycle};
-use firmware::bridge::Bridge;
+use firmware::bridge::Channel;
 use firmware::drive::Motors;
 
 const AIN1: Pin = Pin { port: Port::B, mask: 1 << 0 };
-const STBY: Pin = Pin { port: Port::B, mask: 1 << 1 };
+/// STBY, and the LED of the board, which so is lit while a motor is on.
+const STBY: Pin = Pin { port: Port::B, mask: 1 << 1 | 1 << 5 };
 const BIN1: Pin = Pin { port: Port::B, mask: 1 << 2 };
 const BIN2: Pin = Pin { port: Port::B, mask: 1 << 4 };
 const AIN2: Pin = Pin { port: Port::D, mask: 1 << 7 };
@@ -41,7 +42,7 @@ pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
         timer2.tccr2a.write(|write| write.bits(FAST_PWM));
         timer2.tccr2b.write(|write| write.bits(TIMER2_DIV_64));
     }
-    Motors::new([Bridge::new([AIN1, AIN2], Pwm::Timer0), Bridge::new([BIN1, BIN2], Pwm::Timer2)], STBY)
+    Motors::new([Channel::new([AIN1, AIN2], Pwm::Timer0), Channel::new([BIN1, BIN2], Pwm::Timer2)], STBY)
 }
 
 /// Turns the bridge off in any state of the program: every output low.

@@ -45,9 +45,13 @@ const BLANK: u16 = u16::MAX;
 const BLANK_BYTE: u8 = u8::MAX;
 
 /// The layout of the settings, identified by the number in the memory.
-const LAYOUT: u8 = 2;
+const LAYOUT: u8 = 3;
 /// Length of the settings in this layout.
-const LENGTH: usize = 53;
+const LENGTH: usize = 55;
+// On the board, a structure in memory is its bytes on the wire.
+#[cfg(target_arch = "avr")]
+const _: () = assert!(size_of::<Settings>() == LENGTH);
+const _: () = assert!(LENGTH <= SLOT - 4, "the settings do not fit into a slot");
 /// The second byte of a frame of older firmware. The firmware of protocol version 1 stored the settings as it received
 /// them, with the number of the request and this number of the command.
 const OLD_TAG: u8 = 7;
@@ -255,6 +259,7 @@ fn unpack(layout: u8, stored: &[u8], settings: &mut Settings) -> bool {
     *settings = Settings::DEFAULT;
     let length = match layout {
         1 => 49,
+        2 => 53,
         LAYOUT => LENGTH,
         _ => return false,
     };

@@ -9,7 +9,7 @@ fn start_trial(bench: &mut Bench) {
     let reversed = TURN.map(|speed| CentiRpm(-speed.0));
     let points = [(0, OFF, 1), (40, TURN, 2), (80, reversed, 2), (120, OFF, 3), (160, OFF, 4)];
     for (index, (tick, speeds, phase)) in points.into_iter().enumerate() {
-        let point = SetPoint { tick, speeds, phase };
+        let point = SetPoint { tick, speeds, duties: [0; 2], phase };
         assert_eq!(bench.ask(Command::SetPoint { index: index as u8, point }), Reply::Done);
     }
     let at = Micros(bench.now.wrapping_add(20 * TICK_US - TICK_US / 2));
@@ -65,7 +65,7 @@ fn a_trial_excludes_other_orders_for_the_motors() {
     let mut bench = streaming();
     start_trial(&mut bench);
     let running = Reply::Refused(Refusal::Running);
-    let point = SetPoint { tick: 0, speeds: OFF, phase: 1 };
+    let point = SetPoint { tick: 0, speeds: OFF, duties: [0; 2], phase: 1 };
     for command in [
         Command::SetSpeeds(TURN),
         Command::SetPoint { index: 0, point },
@@ -213,7 +213,7 @@ fn a_set_point_reaches_the_bridge_in_its_tick() {
 #[test]
 fn a_schedule_does_not_start_while_calibrating() {
     let mut bench = streaming();
-    bench.ask(Command::SetPoint { index: 0, point: SetPoint { tick: 0, speeds: OFF, phase: 1 } });
+    bench.ask(Command::SetPoint { index: 0, point: SetPoint { tick: 0, speeds: OFF, duties: [0; 2], phase: 1 } });
     bench.ask(Command::CalibrateGyro { duration_ms: 500 });
     let start = Command::StartSchedule { count: 1, at: Micros(bench.now.wrapping_add(10_000)) };
     assert_eq!(bench.ask(start), Reply::Refused(Refusal::Calibrating));
@@ -224,7 +224,7 @@ fn a_schedule_that_waits_for_its_start_watches_the_link() {
     let mut bench = streaming();
     let points = [(0, TURN, 1), (400, OFF, 2)];
     for (index, (tick, speeds, phase)) in points.into_iter().enumerate() {
-        bench.ask(Command::SetPoint { index: index as u8, point: SetPoint { tick, speeds, phase } });
+        bench.ask(Command::SetPoint { index: index as u8, point: SetPoint { tick, speeds, duties: [0; 2], phase } });
     }
     let at = Micros(bench.now.wrapping_add(5_000_000));
     assert_eq!(bench.ask(Command::StartSchedule { count: 2, at }), Reply::Done);

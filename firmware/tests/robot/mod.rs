@@ -8,7 +8,7 @@ use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::pwm::{self, SetDutyCycle};
 use firmware::app::{App, Build, Start, Tick};
-use firmware::bridge::Bridge;
+use firmware::bridge::Channel;
 use firmware::drive::Motors;
 use firmware::encoder::Filter;
 use firmware::link::{OUTBOX, Outbox};
@@ -240,7 +240,7 @@ impl Bench {
         let pins = [0, 1, 2, 3, 4].map(|pin| Pin(world.clone(), pin));
         let [ain1, ain2, bin1, bin2, standby] = pins;
         let bridges =
-            [Bridge::new([ain1, ain2], Pwm(world.clone(), 0)), Bridge::new([bin1, bin2], Pwm(world.clone(), 1))];
+            [Channel::new([ain1, ain2], Pwm(world.clone(), 0)), Channel::new([bin1, bin2], Pwm(world.clone(), 1))];
         let build = Build { git_hash: [1, 2, 3, 4], git_dirty: true, ram_left: || 614 };
         let motors = Motors::new(bridges, standby);
         let mut app = App::new(Bus(world.clone()), motors, Memory(world.clone()), build);

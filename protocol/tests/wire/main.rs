@@ -7,7 +7,9 @@ use messages::{any_message, any_request, samples};
 use proptest::prelude::*;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, decode, encode};
 use protocol::units::{AccelRange, Axis, GyroRange};
-use protocol::{Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, SCHEMA, State, Telemetry, VERSION};
+use protocol::{
+    Bridge, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, SCHEMA, SpeedFrom, State, Telemetry, VERSION,
+};
 use serde_reflection::{Samples, Tracer, TracerConfig};
 use sha2::{Digest, Sha256};
 
@@ -54,6 +56,8 @@ fn schema() -> String {
         variants::<GyroRange>("GyroRange"),
         variants::<AccelRange>("AccelRange"),
         variants::<Axis>("Axis"),
+        variants::<Bridge>("Bridge"),
+        variants::<SpeedFrom>("SpeedFrom"),
     ];
     structures.chain(enumerations).collect()
 }

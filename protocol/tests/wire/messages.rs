@@ -73,7 +73,12 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
             "Command::SetPoint",
             Command::SetPoint {
                 index: 7,
-                point: SetPoint { tick: 24_000, speeds: [CentiRpm(5000), CentiRpm(-9000)], phase: 2 },
+                point: SetPoint {
+                    tick: 24_000,
+                    speeds: [CentiRpm(5000), CentiRpm(-9000)],
+                    duties: [98, 190],
+                    phase: 2,
+                },
             },
         ),
         ("Command::StartSchedule", Command::StartSchedule { count: 4, at: Micros(123_456_789) }),
@@ -146,12 +151,14 @@ prop_compose! {
         deadline_ms in any::<u16>(),
         moving_duty in any::<[u8; 2]>(),
         bandgap in any::<u16>().prop_map(Millivolts),
+        bridge in one_of(&[Bridge::Enable, Bridge::InIn]),
+        speed_from in one_of(&[SpeedFrom::Encoders, SpeedFrom::Duty]),
     ) -> Settings {
         let [attitude_kp, attitude_ki, speed_kp, speed_ki, counts_per_turn] = gains;
         Settings {
             board_id, gyro_range, accel_range, low_pass, gyro_axes, accel_axes, gyro_bias, attitude_kp, attitude_ki,
             speed_kp, speed_ki, counts_per_turn, motor_reversed, encoder_reversed, deadline_ms, moving_duty,
-            bandgap,
+            bandgap, bridge, speed_from,
         }
     }
 }
@@ -189,10 +196,12 @@ pub fn any_request() -> impl Strategy<Value = Request> {
         any::<u16>().prop_map(|duration_ms| Command::CalibrateGyro { duration_ms }),
         any_settings().prop_map(Command::WriteSettings),
         Just(Command::Ping),
-        (any::<u8>(), any::<u32>(), speeds(), any::<u8>()).prop_map(|(index, tick, speeds, phase)| Command::SetPoint {
-            index,
-            point: SetPoint { tick, speeds, phase }
-        }),
+        (any::<u8>(), any::<u32>(), speeds(), any::<[u8; 2]>(), any::<u8>()).prop_map(
+            |(index, tick, speeds, duties, phase)| Command::SetPoint {
+                index,
+                point: SetPoint { tick, speeds, duties, phase }
+            }
+        ),
         (any::<u8>(), any::<u32>()).prop_map(|(count, at)| Command::StartSchedule { count, at: Micros(at) }),
         (duties(), any::<u16>()).prop_map(|(duty, duration_ms)| Command::Drive { duty, duration_ms }),
         any::<u8>().prop_map(|index| Command::ReadFault { index }),

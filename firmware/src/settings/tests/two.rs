@@ -1,6 +1,6 @@
 //! Settings before and after a save that changes every byte. The tests of the emulated board use them, too.
 
-use protocol::Settings;
+use protocol::{Bridge, Settings, SpeedFrom};
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange, Millivolts};
 
@@ -35,6 +35,8 @@ pub fn new() -> Settings {
         deadline_ms: 0x0203,
         moving_duty: [31, 32],
         bandgap: Millivolts(0x0401),
+        bridge: Bridge::InIn,
+        speed_from: SpeedFrom::Duty,
     }
 }
 

@@ -94,6 +94,7 @@ fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::Calibrating => "a calibration is running",
         Refusal::EepromFailed => "its EEPROM does not keep its content",
         Refusal::NotASchedule => "the set-points are not a schedule, or it would start in the past",
+        Refusal::NoEncoders => "its motors have no encoders",
     }
 }
 
@@ -107,6 +108,9 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
         Refusal::EepromFailed => "the EEPROM is worn out: use another board, or give the settings in the plan",
         Refusal::NotASchedule => {
             "this computer was too busy to start the trial in time: close other programs and try again"
+        }
+        Refusal::NoEncoders => {
+            "only plans of constant speeds run on such a board; if it has encoders, set speed_from = \"encoders\" with `biflag settings`"
         }
     }
 }

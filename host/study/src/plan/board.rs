@@ -6,7 +6,7 @@ use crate::text::hex;
 use biflag_log::BoardMeta;
 use miette::Diagnostic;
 use protocol::units::{AccelRange, Axis, AxisMap, EncoderCounts, GyroRange};
-use protocol::{Info, Settings};
+use protocol::{Bridge, Info, Settings, SpeedFrom};
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
@@ -57,6 +57,31 @@ pub struct BoardSettings {
     pub moving_duty: Option<[u8; 2]>,
     /// The chip's reference voltage, mV.
     pub bandgap_mv: Option<u16>,
+    /// `enable` or `in-in`.
+    pub bridge: Option<String>,
+    /// `encoders` or `duty`.
+    pub speed_from: Option<String>,
+}
+
+const BRIDGES: [(&str, Bridge); 2] = [("enable", Bridge::Enable), ("in-in", Bridge::InIn)];
+const SPEEDS_FROM: [(&str, SpeedFrom); 2] = [("encoders", SpeedFrom::Encoders), ("duty", SpeedFrom::Duty)];
+
+fn name_of<T: PartialEq>(names: &[(&str, T)], value: &T) -> Option<String> {
+    names.iter().find(|(_, named)| named == value).map(|(name, _)| (*name).to_owned())
+}
+
+/// Sets what has a name, if there is one.
+fn set_named<T: Copy>(
+    key: &'static str,
+    setting: &mut T,
+    name: Option<&String>,
+    names: &[(&str, T)],
+) -> Result<(), BoardSettingsError> {
+    let Some(name) = name else { return Ok(()) };
+    let found = names.iter().find(|(known, _)| known == name);
+    let (_, value) = found.ok_or_else(|| BoardSettingsError { key, value: format!("{name:?}") })?;
+    *setting = *value;
+    Ok(())
 }
 
 /// A setting with a value out of its range.
@@ -89,6 +114,8 @@ pub(super) fn help(key: &str) -> Option<&'static str> {
         "deadline_ms" => "give a whole number of milliseconds from 50 to 5000",
         "moving_duty" => "give a whole number from 1 to 255 for motors 1 and 2, such as [60, 70]",
         "bandgap_mv" => "give a whole number of millivolts from 1000 to 1200",
+        "bridge" => "give \"enable\" (TB6612, L298N, L293D) or \"in-in\" (DRV8833, DRV8871, MX1508)",
+        "speed_from" => "give \"encoders\", or \"duty\" for motors without encoders",
         _ => return None,
     })
 }
@@ -127,6 +154,8 @@ impl BoardSettings {
             deadline_ms: Some(settings.deadline_ms),
             moving_duty: Some(settings.moving_duty),
             bandgap_mv: Some(settings.bandgap.0),
+            bridge: name_of(&BRIDGES, &settings.bridge),
+            speed_from: name_of(&SPEEDS_FROM, &settings.speed_from),
         }
     }
 
@@ -188,6 +217,8 @@ impl BoardSettings {
             return Err(wrong("moving_duty", format!("{:?}", settings.moving_duty)));
         }
         set_within("bandgap_mv", &mut settings.bandgap.0, self.bandgap_mv, 1000..=1200)?;
+        set_named("bridge", &mut settings.bridge, self.bridge.as_ref(), &BRIDGES)?;
+        set_named("speed_from", &mut settings.speed_from, self.speed_from.as_ref(), &SPEEDS_FROM)?;
         Ok(settings)
     }
 
@@ -272,6 +303,8 @@ mod tests {
             motor_reversed: [true, false],
             moving_duty: [40, 255],
             bandgap: Millivolts(1060),
+            bridge: Bridge::InIn,
+            speed_from: SpeedFrom::Duty,
             ..Settings::DEFAULT
         };
         let text = BoardSettings::all(&settings).to_toml();

@@ -155,7 +155,7 @@ impl Schedule {
                 number = phase.number();
             }
             points.pop_if(|before| before.tick == tick);
-            points.push(SetPoint { tick, speeds: event.setpoint.target, phase: number });
+            points.push(SetPoint { tick, speeds: event.setpoint.target, duties: [0; 2], phase: number });
         }
         points
     }
