@@ -174,7 +174,9 @@ where
             return Err(Refusal::OutOfRange);
         }
         self.refuse_if_busy()?;
-        if self.settings.encoder_reversed != settings.encoder_reversed || self.settings.speed_from != settings.speed_from {
+        if self.settings.encoder_reversed != settings.encoder_reversed
+            || self.settings.speed_from != settings.speed_from
+        {
             self.store.positions.lose();
         }
         self.settings = *settings;

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, decode, encode};
 use protocol::units::{AccelRange, Axis, GyroRange};
 use protocol::{
-    Bridge, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, SCHEMA, SpeedFrom, State, Telemetry, VERSION,
+    Bridge, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, SCHEMA, SpeedFrom, State, Telemetry,
+    VERSION,
 };
 use serde_reflection::{Samples, Tracer, TracerConfig};
 use sha2::{Digest, Sha256};

@@ -10,9 +10,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::bridge::Bridge;
+use crate::bridge::{Bridge, Drive};
 use crate::clock::ProgramClock;
 use crate::coupling::{Cable, Coupling};
+use crate::drift::{Supply, Wander};
 use crate::encoder::{Disturbance, Encoder};
 use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
@@ -22,9 +23,10 @@ use crate::marks::{Marks, TICK_BEGIN};
 use crate::mcu::{
     BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
 };
-use crate::motor::{Motor, MotorParameters, Rotor, STEP_S};
+use crate::motor::{Motor, Rotor, STEP_S};
 use crate::plant::Plant;
 use crate::resonator::Resonator;
+use crate::rig::RigKind;
 use crate::serial::Serial;
 
 /// Options of a board.
@@ -33,15 +35,15 @@ pub struct BoardOptions {
     pub source: Source,
     /// The sensor's WHO_AM_I.
     pub imu_id: u8,
-    /// Both motors.
-    pub motors: MotorParameters,
+    /// What is wired to the chip.
+    pub rig: RigKind,
     /// Seed of everything random on the line.
     pub seed: u64,
 }
 
 impl Default for BoardOptions {
     fn default() -> Self {
-        Self { source: Source::still(1), imu_id: imu::GENUINE_ID, motors: MotorParameters::default(), seed: 1 }
+        Self { source: Source::still(1), imu_id: imu::GENUINE_ID, rig: RigKind::default(), seed: 1 }
     }
 }
 
@@ -86,11 +88,13 @@ impl Board {
     }
 
     fn with_start(image: &Image, start: u32, options: BoardOptions) -> Result<Self, UnknownChip> {
-        let motor = Motor::new(options.motors);
-        let rig = Rig {
+        let kind = options.rig;
+        let mut rig = Rig {
+            kind,
             imu: Mpu6050::new(options.imu_id, options.source),
             bridge: Bridge::default(),
-            motors: [motor.clone(), motor],
+            motors: kind.motors.map(Motor::new),
+            supply: kind.supply,
             motors_swapped: false,
             motors_at_s: 0.0,
             encoders: [1, 2].map(|motor| Encoder::new(options.seed ^ motor << 32)),
@@ -101,6 +105,10 @@ impl Board {
             marks: Marks::default(),
             clock: ProgramClock::default(),
         };
+        for (motor, deviation) in kind.wander.into_iter().enumerate() {
+            rig.motors[motor].wander = Wander::new(deviation, options.seed ^ (motor as u64 + 3) << 32);
+            rig.encoders[motor].absent = !kind.has_encoders;
+        }
         let mut mcu = Mcu::new(rig, image.end().max(FLASH_BYTES))?;
         for (address, bytes) in &image.segments {
             // An image's segments were checked against the size of flash.
@@ -303,12 +311,16 @@ impl Board {
 
 /// Everything outside of the chip.
 pub struct Rig {
+    /// What is wired to the chip.
+    pub kind: RigKind,
     /// The sensor.
     pub imu: Mpu6050,
     /// The present state of the bridge.
     pub bridge: Bridge,
     /// Motors 1 and 2.
     pub motors: [Motor; 2],
+    /// Their supply.
+    pub supply: Supply,
     motors_swapped: bool,
     /// The time up to which the motors have turned, s.
     motors_at_s: f64,
@@ -337,8 +349,13 @@ impl Rig {
     /// Turns the motors until this cycle. Returns its time, s.
     fn turn_motors(&mut self, cycle: u64) -> f64 {
         let now_s = self.resonator.seconds(cycle);
+        let passed_s = now_s - self.motors_at_s;
+        if self.bridge.drive.iter().any(|drive| !matches!(drive, Drive::Coast | Drive::Brake)) {
+            self.supply.on_s += passed_s;
+        }
         for motor in &mut self.motors {
-            motor.advance(now_s - self.motors_at_s);
+            motor.set_supply(self.supply.now_v(), self.kind.bridge.lost_v());
+            motor.advance(passed_s);
         }
         self.motors_at_s = now_s;
         if let Some(plant) = self.imu.source.plant_mut() {
@@ -388,7 +405,7 @@ impl Devices for Rig {
 
     fn outputs(&mut self, cycle: u64, outputs: &Outputs) {
         self.pull_ups = outputs.port_d & !outputs.ddr_d;
-        let bridge = Bridge::from_outputs(outputs);
+        let bridge = Bridge::from_outputs(self.kind.bridge, outputs);
         if bridge == self.bridge {
             return;
         }

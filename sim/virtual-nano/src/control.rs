@@ -217,9 +217,11 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         "bridge": bridge.drive.map(|drive| match drive {
             Drive::Coast => "coast",
             Drive::Brake => "brake",
-            Drive::Voltage(fraction) if fraction < 0.0 => "backward",
-            Drive::Voltage(_) => "forward",
+            Drive::Voltage(share) | Drive::Pulses { share, .. } if share < 0.0 => "backward",
+            Drive::Voltage(_) | Drive::Pulses { .. } => "forward",
         }),
+        "led": bridge.led,
+        "motor_supply_v": board.rig().supply.now_v(),
         "speed_rpm": board.rig().motors.each_ref().map(|motor| motor.speed_rpm),
         "encoder_counts": board.rig().motors.each_ref().map(Motor::encoder_counts),
         "imu_transactions": bus.transactions,

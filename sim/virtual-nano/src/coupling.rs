@@ -57,7 +57,7 @@ impl Coupling {
     /// Sets the drive of the bridge from now on: compare values of motors 1 and 2, and periods in cycles.
     pub fn drive(&mut self, cycle: u64, bridge: &Bridge, compare: [u8; 2], periods: [u64; 2]) {
         for (motor, pwm) in self.pwm.iter_mut().enumerate() {
-            pwm.switches = matches!(bridge.drive[motor], Drive::Voltage(_));
+            pwm.switches = matches!(bridge.drive[motor], Drive::Voltage(_) | Drive::Pulses { .. });
             pwm.period = periods[motor];
             if pwm.next != compare[motor] {
                 (pwm.next, pwm.written) = (compare[motor], cycle);

@@ -42,6 +42,8 @@ struct Line {
 #[derive(Clone, Debug)]
 pub struct Encoder {
     lines: [Line; 2],
+    /// There is none: nothing is at its pins.
+    pub absent: bool,
     /// C1 and C2 are connected to each other's pins.
     pub swapped: bool,
     /// Fraction by which a north pole is longer than half a period.
@@ -52,7 +54,7 @@ pub struct Encoder {
 impl Encoder {
     /// Returns an encoder without faults. The seed decides the times of spikes.
     pub fn new(seed: u64) -> Self {
-        Self { lines: [Line::default(); 2], swapped: false, uneven: 0.0, noise: Noise::new(seed) }
+        Self { lines: [Line::default(); 2], absent: false, swapped: false, uneven: 0.0, noise: Noise::new(seed) }
     }
 
     /// Disturbs the line of a channel (0 or 1) from a time (s) on.
@@ -64,6 +66,9 @@ impl Encoder {
     /// Returns the levels at the pins of C1 and C2 at a time (s), with the shaft at `counts` and these pull-ups on.
     /// C1 leads while the motor turns forward. Times must not decrease.
     pub fn levels(&mut self, counts: f64, time_s: f64, pull_ups: [bool; 2]) -> [bool; 2] {
+        if self.absent {
+            return pull_ups;
+        }
         self.plan_spikes(time_s);
         let place = counts.rem_euclid(PERIOD);
         let [up1, up2, down1, down2] = self.edges();
@@ -89,6 +94,9 @@ impl Encoder {
     /// Returns the time until a level may change if the speed stays (counts a second), at most `limit_s`.
     pub fn next_event_s(&self, counts: f64, rate: f64, time_s: f64, limit_s: f64) -> f64 {
         let mut next = limit_s;
+        if self.absent {
+            return next;
+        }
         if rate != 0.0 {
             let place = counts.rem_euclid(PERIOD);
             let ahead = |edge: f64| {

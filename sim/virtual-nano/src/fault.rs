@@ -107,8 +107,8 @@ const KINDS: &[Kind] = &[
         Ok(Fault::MotorReversed { motor: v.motor(0)? })
     }),
     Kind("motors-swapped", &[], "the bridge's outputs are swapped, the encoders are not", |_| Ok(Fault::MotorsSwapped)),
-    Kind("motor-supply-off", &[], "the 6 V supply of the motors is off", |_| Ok(Fault::MotorSupplyOff)),
-    Kind("motor-supply", &[("VOLT", 5.0)], "the 6 V supply of the motors is VOLT", |v| {
+    Kind("motor-supply-off", &[], "the supply of the motors is off", |_| Ok(Fault::MotorSupplyOff)),
+    Kind("motor-supply", &[("VOLT", 5.0)], "the supply of the motors is VOLT", |v| {
         Ok(Fault::MotorSupply { volts: v.within(0, 0.0, 12.0)? })
     }),
     Kind(

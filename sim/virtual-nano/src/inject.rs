@@ -3,7 +3,7 @@
 use crate::board::Board;
 use crate::encoder::Disturbance;
 use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
-use crate::motor::{MotorParameters, NOMINAL_V, Rotor};
+use crate::motor::Rotor;
 
 /// The supply in a brown-out, mV.
 const BROWN_OUT_MV: u32 = 2000;
@@ -24,7 +24,7 @@ impl Board {
             Fault::MotorReversed { motor } => self.rig_mut().motors[motor].reversed = true,
             Fault::MotorsSwapped => self.swap_motors(true),
             Fault::MotorSupplyOff => self.rig_mut().motors.iter_mut().for_each(|motor| motor.powered = false),
-            Fault::MotorSupply { volts } => self.rig_mut().motors.iter_mut().for_each(|motor| motor.set_supply(volts)),
+            Fault::MotorSupply { volts } => self.rig_mut().supply.forced_v = Some(volts),
             Fault::Imu(fault) => self.change_imu(|imu| imu.inject(fault)),
             Fault::Register { address, value } => self.change_imu(|imu| imu.set_register_behind(address, value)),
             Fault::SensorClock { fraction } => self.change_imu(|imu| imu.oscillator_error = fraction),
@@ -56,8 +56,15 @@ impl Board {
     /// Returns why a fault cannot happen to this board.
     pub fn refuses(&self, fault: &Fault) -> Option<&'static str> {
         let needs_robot = matches!(fault, Fault::Push { .. });
-        (needs_robot && self.plant().is_none())
-            .then_some("there is no robot to push; start with --robot FILE.toml or --robot published")
+        let needs_encoder = matches!(
+            fault,
+            Fault::EncoderSwapped { .. } | Fault::Disturbed { .. } | Fault::Coupled(_) | Fault::UnevenPoles { .. }
+        );
+        if needs_robot && self.plant().is_none() {
+            return Some("there is no robot to push; start with --robot FILE.toml or --robot published");
+        }
+        (needs_encoder && !self.rig().kind.has_encoders)
+            .then_some("this rig has no encoders; start with --rig encoders or --rig in-in")
     }
 
     /// Ends every fault that can end. Its effects on registers and on the program stay.
@@ -66,13 +73,14 @@ impl Board {
             self.rig_mut().encoders[motor].swapped = false;
             self.rig_mut().encoders[motor].uneven = 0.0;
             (0..2).for_each(|channel| self.disturb_encoder(motor, channel, Disturbance::None));
+            let breakaway = self.rig().kind.motors[motor].breakaway;
             let motor = &mut self.rig_mut().motors[motor];
             motor.hold(Rotor::Free);
-            motor.parameters.breakaway = MotorParameters::default().breakaway;
+            motor.parameters.breakaway = breakaway;
             motor.reversed = false;
             motor.powered = true;
-            motor.set_supply(NOMINAL_V);
         }
+        self.rig_mut().supply.forced_v = None;
         self.swap_motors(false);
         self.lay_cable(None);
         self.change_imu(|imu| {

@@ -16,6 +16,7 @@ pub mod bridge;
 pub mod clock;
 pub mod control;
 pub mod coupling;
+pub mod drift;
 pub mod encoder;
 pub mod fault;
 pub mod image;
@@ -30,8 +31,10 @@ pub mod plant;
 pub mod port;
 pub mod push;
 pub mod resonator;
+pub mod rig;
 pub mod run;
 pub mod serial;
+pub mod setup;
 pub mod usb;
 
 pub use board::{Board, BoardOptions};

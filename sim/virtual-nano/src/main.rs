@@ -21,6 +21,7 @@ use virtual_nano::imu::source::Source;
 use virtual_nano::pace::{PATIENCE_S, Pace, Speed};
 use virtual_nano::plant::Plant;
 use virtual_nano::port::{Port, PortCount};
+use virtual_nano::rig::{RIGS, RigKind};
 use virtual_nano::run::Runner;
 use virtual_nano::{Board, BoardOptions, Image};
 
@@ -41,6 +42,11 @@ struct Arguments {
     /// A bootloader and no program; opening the port resets the board
     #[arg(long)]
     bootloader: Option<Bootloader>,
+    /// What is wired to the board: `encoders` (TB6612, motors with encoders), `duty` (L298N, no encoders, a battery), `in-in`
+    /// (DRV8833, encoders) or `duty-in-in` (DRV8833, no encoders, a battery). The board was set up for it, except for
+    /// the senses of its motors
+    #[arg(long, value_name = "NAME", default_value = "encoders")]
+    rig: RigKind,
     /// A recording for the sensor to play; without --imu and --robot the sensor is at rest
     #[arg(long, value_name = "FILE.csv")]
     imu: Option<PathBuf>,
@@ -69,7 +75,7 @@ struct Arguments {
     /// Simulate a fault, from the start or from a second of the board's clock; may be repeated. `help` lists the faults
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]")]
     faults: Vec<Timed>,
-    /// File that keeps the EEPROM, 1024 bytes
+    /// File that keeps the EEPROM, 1024 bytes; if it does not exist, the board was set up for its rig
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
 }
@@ -121,10 +127,18 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         (None, Some(robot)) => Source::plant(read_robot(robot)?, errors, seed),
         (None, None) => Source::hand(Grip::default(), errors, seed),
     };
-    let options = BoardOptions { source, imu_id: arguments.who_am_i, seed, ..BoardOptions::default() };
+    let options =
+        BoardOptions { source, imu_id: arguments.who_am_i, rig: arguments.rig, seed, ..BoardOptions::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
         (_, Some(bootloader)) => Board::with_bootloader(&bootloader.load()?, options)?,
-        (Some(path), None) => Board::new(&Image::from_elf(path)?, options)?,
+        (Some(path), None) => {
+            let image = Image::from_elf(path)?;
+            let mut board = Board::new(&image, options)?;
+            if arguments.rig != RIGS[0] && !arguments.eeprom.as_ref().is_some_and(|path| path.exists()) {
+                board.eeprom_mut().copy_from_slice(&arguments.rig.eeprom(&image)?);
+            }
+            board
+        }
         (None, None) => unreachable!("clap requires one of them"),
     };
     if let Some(path) = &arguments.eeprom {
@@ -171,7 +185,7 @@ fn read_robot(path: &Path) -> Result<Plant, String> {
     Plant::new(&robot, room_c).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Loads the EEPROM from a file; a file that does not exist is a blank EEPROM.
+/// Loads the EEPROM from a file, if it exists.
 fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
     let eeprom = board.eeprom_mut();
     match std::fs::read(path) {

@@ -1,8 +1,8 @@
 //! Settings before and after a save that changes every byte. The tests of the emulated board use them, too.
 
-use protocol::{Bridge, Settings, SpeedFrom};
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange, Millivolts};
+use protocol::{Bridge, Settings, SpeedFrom};
 
 pub fn old() -> Settings {
     Settings {

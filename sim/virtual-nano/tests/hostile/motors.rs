@@ -6,6 +6,7 @@ use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
 use virtual_nano::bridge::Drive;
 use virtual_nano::motor::MotorParameters;
+use virtual_nano::rig::RigKind;
 
 const RUNAWAY: [[Fault; 1]; 2] = [[Fault::Motor1Runaway], [Fault::Motor2Runaway]];
 /// Of a motor that had reached its speed: nothing tells a blocked rotor from a lost encoder.
@@ -122,8 +123,9 @@ fn free_motors_of_any_kind_have_no_fault() {
         runs = [130.0, 260.0, 320.0, 500.0].into_iter().flat_map(|motor| speeds.map(|rpm| (motor, rpm, 600))).collect();
     }
     let free = |(no_load_rpm, rpm, s): (f64, [f64; 2], u64)| {
-        let motors = MotorParameters { no_load_rpm, ..MotorParameters::default() };
-        let mut host = Host::ready(BoardOptions { motors, ..BoardOptions::default() });
+        let motors = [MotorParameters { no_load_rpm, ..MotorParameters::default() }; 2];
+        let rig = RigKind { motors, ..RigKind::default() };
+        let mut host = Host::ready(BoardOptions { rig, ..BoardOptions::default() });
         host.set_speeds(rpm);
         host.run_linked_ms(1000 * s);
         row(

@@ -1,0 +1,60 @@
+//! A board that was set up for its rig: its EEPROM has the settings that its user once sent and saved.
+//!
+//! A board of its own goes through that, so that nothing here knows how the program keeps its settings.
+
+use crate::board::{Board, BoardOptions};
+use crate::bridge::Model;
+use crate::image::Image;
+use crate::mcu::FREQUENCY_HZ;
+use crate::rig::RigKind;
+use protocol::frame::{Accumulator, MAX_FRAME, encode};
+use protocol::{Bridge, Command, Message, Reply, Request, Settings, SpeedFrom};
+
+/// Why a board could not be set up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("the program does not take the settings of this rig; is it the firmware of this version? Try --rig encoders")]
+pub struct NotSetUp;
+
+/// Longest wait for a reply, ms: saving takes 3.4 ms a byte.
+const WAIT_MS: u64 = 1000;
+
+impl RigKind {
+    /// Returns the default settings with what this rig needs. The senses of its motors are for the user to find.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            bridge: if self.bridge == Model::Drv8833 { Bridge::InIn } else { Bridge::Enable },
+            speed_from: if self.has_encoders { SpeedFrom::Encoders } else { SpeedFrom::Duty },
+            ..Settings::DEFAULT
+        }
+    }
+
+    /// Returns the EEPROM of a board with this program that was set up for this rig.
+    ///
+    /// # Errors
+    /// A program that does not take the settings.
+    pub fn eeprom(&self, image: &Image) -> Result<Vec<u8>, NotSetUp> {
+        let mut board =
+            Board::new(image, BoardOptions { rig: *self, ..BoardOptions::default() }).map_err(|_| NotSetUp)?;
+        // The program may still be starting.
+        (1..4).find_map(|seq| ask(&mut board, seq, Command::Ping)).ok_or(NotSetUp)?;
+        for (seq, command) in [(4, Command::WriteSettings(self.settings())), (5, Command::SaveSettings)] {
+            ask(&mut board, seq, command).filter(|reply| *reply == Reply::Done).ok_or(NotSetUp)?;
+        }
+        Ok(board.eeprom_mut().to_vec())
+    }
+}
+
+fn ask(board: &mut Board, seq: u8, command: Command) -> Option<Reply> {
+    let (mut buffer, mut accumulator) = ([0; MAX_FRAME], Accumulator::new());
+    board.send(encode(&Request { seq, command }, &mut buffer).ok()?);
+    for _ in 0..WAIT_MS {
+        board.run_for(FREQUENCY_HZ / 1000);
+        for byte in board.take_serial() {
+            match accumulator.push::<Message>(byte) {
+                Some(Ok(Message::Reply { to, reply })) if to == seq => return Some(reply),
+                _ => {}
+            }
+        }
+    }
+    None
+}
