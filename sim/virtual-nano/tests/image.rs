@@ -7,7 +7,7 @@ use virtual_nano::BoardOptions;
 /// Of 30,720 bytes beside the bootloader.
 const FLASH: u64 = 30_300;
 /// Of 2,048 bytes.
-const RAM: u64 = 1_450;
+const RAM: u64 = 1_480;
 /// Of 80,000 cycles.
 const WORST_TICK: u64 = 60_000;
 

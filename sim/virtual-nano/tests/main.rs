@@ -10,5 +10,6 @@ mod link;
 mod motors;
 mod phase;
 mod program;
+mod rigs;
 mod scales;
 mod sensor;

@@ -1,10 +1,11 @@
 //! A host in the same process as the board: it speaks the protocol and knows every cycle.
 
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
-use protocol::units::CentiRpm;
-use protocol::{Command, Fault, Info, Message, Reply, Request, Telemetry};
+use protocol::units::{CentiRpm, Micros};
+use protocol::{Command, Fault, Info, Message, Reply, Request, SetPoint, Telemetry};
 use std::path::{Path, PathBuf};
 use virtual_nano::mcu::{FREQUENCY_HZ, RunState};
+use virtual_nano::rig::RigKind;
 use virtual_nano::{Board, BoardOptions, Image};
 
 /// Cycles of a control tick.
@@ -66,6 +67,29 @@ impl Host {
         host.stream();
         host.run_ms(200);
         host
+    }
+
+    /// The same of a rig, set up for it.
+    pub fn of_rig(name: &str) -> Self {
+        let (image, rig) = (firmware(), name.parse::<RigKind>().unwrap());
+        let mut board = Board::new(&image, BoardOptions { rig, ..BoardOptions::default() }).unwrap();
+        board.eeprom_mut().copy_from_slice(&rig.eeprom(&image).unwrap());
+        let mut host = Self::with(board);
+        host.hello();
+        host.stream();
+        host.run_ms(200);
+        host
+    }
+
+    /// Starts a schedule: ticks, speeds and duties.
+    pub fn schedule(&mut self, points: &[(u32, [f64; 2], [u8; 2])]) {
+        for (index, (tick, rpm, duties)) in points.iter().enumerate() {
+            let speeds = rpm.map(CentiRpm::from_rpm);
+            let point = SetPoint { tick: *tick, speeds, duties: *duties, phase: index as u8 + 1 };
+            self.order(Command::SetPoint { index: index as u8, point });
+        }
+        let at = Micros(self.last().time.0.wrapping_add(50_000));
+        self.order(Command::StartSchedule { count: points.len() as u8, at });
     }
 
     /// Pulls the reset pin. What is on the line is cut off.
