@@ -3,6 +3,7 @@
 mod attitude;
 mod bridge;
 mod calibration;
+mod duty;
 mod link;
 #[path = "../robot/mod.rs"]
 mod robot;

@@ -2,9 +2,9 @@ mod two;
 
 use super::*;
 use crate::storage::tests::{End, Memory};
-use protocol::Fault;
 use protocol::frame::{self, MAX_FRAME};
 use protocol::units::Micros;
+use protocol::{Bridge, Fault, SpeedFrom};
 use two::{new, old};
 
 fn load(memory: &Memory) -> Option<Settings> {
@@ -183,6 +183,21 @@ fn another_layout_and_values_out_of_range_are_not_loaded() {
         memory.bytes.borrow_mut()[385] = layout;
         add_crc(&mut memory.bytes.borrow_mut()[384..384 + SLOT]);
         assert_eq!(load(&memory), expected, "{layout}");
+    }
+}
+
+/// Whatever bytes follow those of an older layout.
+#[test]
+fn older_layouts_are_read_as_encoders_and_an_enable() {
+    let Settings { bridge, speed_from, moving_duty, bandgap, .. } = Settings::DEFAULT;
+    assert_eq!((bridge, speed_from), (Bridge::Enable, SpeedFrom::Encoders));
+    let two = Settings { bridge, speed_from, ..new() };
+    for (layout, expected) in [(1, Settings { moving_duty, bandgap, ..two }), (2, two), (LAYOUT, new())] {
+        let memory = Memory::blank();
+        save(&memory, &new());
+        memory.bytes.borrow_mut()[321] = layout;
+        add_crc(&mut memory.bytes.borrow_mut()[320..320 + SLOT]);
+        assert_eq!(load(&memory), Some(expected), "{layout}");
     }
 }
 
