@@ -293,6 +293,8 @@ fn bad_input_is_named_and_has_its_exit_code() {
         (vec!["--firmware", image, "--fault", "jam"], 2, "no fault is called \"jam\""),
         (vec!["--firmware", image, "--fault", "blocked=3"], 2, "MOTOR must be from 1 to 2, not 3"),
         (vec!["--firmware", image, "--who-am-i", "0x168"], 2, "byte"),
+        (vec!["--firmware", image, "--rig", "l298n"], 2, "the rigs are encoders, duty, in-in, duty-in-in"),
+        (vec!["--firmware", image, "--rig", "duty", "--fault", "tone"], 1, "start with --rig encoders or --rig in-in"),
         (vec!["--firmware", image, "--sensor", "usual"], 2, "usual: No such file"),
         (vec!["--firmware", image, "--sensor", &sensor], 2, "sensor.toml: gyro_scale must be from -0.5 to 0.5, not 3"),
         (vec!["--firmware", image, "--imu", &csv, "--sensor", "typical"], 2, "cannot be used with"),
@@ -302,6 +304,24 @@ fn bad_input_is_named_and_has_its_exit_code() {
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
         assert!(stderr.contains(message), "{arguments:?}: {stderr}");
         assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn a_rig_was_set_up_unless_a_file_says_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("eeprom.bin");
+    let image = firmware_path();
+    for is_set_up in [true, false] {
+        if !is_set_up {
+            std::fs::write(&path, [0xFF; 1024]).unwrap();
+        }
+        let (image, eeprom) = (image.to_str().unwrap(), path.to_str().unwrap());
+        let mut vnano = Vnano::start(&["--firmware", image, "--rig", "duty", "--eeprom", eeprom, "--speed", "max"]);
+        assert_eq!(hello(&mut vnano.open(), HANDSHAKE).unwrap().settings_stored, is_set_up);
+        let status = vnano.ask("status");
+        assert_eq!((&status["led"], &status["motor_supply_v"]), (&json!(false), &json!(6.5)));
+        assert_eq!(vnano.end(), Some(0));
     }
 }
 
