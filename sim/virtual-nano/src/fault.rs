@@ -29,6 +29,7 @@ pub enum Fault {
     Held { motor: usize, rotor: Rotor },
     Stiction { motor: usize, fraction: f64 },
     MotorReversed { motor: usize },
+    MotorOff { motor: usize },
     MotorsSwapped,
     MotorSupplyOff,
     MotorSupply { volts: f64 },
@@ -106,6 +107,7 @@ const KINDS: &[Kind] = &[
     Kind("motor-reversed", &[MOTOR], "the motor's own two leads are swapped", |v| {
         Ok(Fault::MotorReversed { motor: v.motor(0)? })
     }),
+    Kind("motor-off", &[MOTOR], "a lead of the motor is off", |v| Ok(Fault::MotorOff { motor: v.motor(0)? })),
     Kind("motors-swapped", &[], "the bridge's outputs are swapped, the encoders are not", |_| Ok(Fault::MotorsSwapped)),
     Kind("motor-supply-off", &[], "the supply of the motors is off", |_| Ok(Fault::MotorSupplyOff)),
     Kind("motor-supply", &[("VOLT", 5.0)], "the supply of the motors is VOLT", |v| {

@@ -22,6 +22,7 @@ impl Board {
             Fault::Held { motor, rotor } => self.rig_mut().motors[motor].hold(rotor),
             Fault::Stiction { motor, fraction } => self.rig_mut().motors[motor].parameters.breakaway = fraction,
             Fault::MotorReversed { motor } => self.rig_mut().motors[motor].reversed = true,
+            Fault::MotorOff { motor } => self.rig_mut().motors[motor].powered = false,
             Fault::MotorsSwapped => self.swap_motors(true),
             Fault::MotorSupplyOff => self.rig_mut().motors.iter_mut().for_each(|motor| motor.powered = false),
             Fault::MotorSupply { volts } => self.rig_mut().supply.forced_v = Some(volts),

@@ -127,8 +127,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         (None, Some(robot)) => Source::plant(read_robot(robot)?, errors, seed),
         (None, None) => Source::hand(Grip::default(), errors, seed),
     };
-    let options =
-        BoardOptions { source, imu_id: arguments.who_am_i, rig: arguments.rig, seed, ..BoardOptions::default() };
+    let options = BoardOptions { source, imu_id: arguments.who_am_i, rig: arguments.rig, seed };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
         (_, Some(bootloader)) => Board::with_bootloader(&bootloader.load()?, options)?,
         (Some(path), None) => {

@@ -90,7 +90,7 @@ pub struct Motor {
     rotor: Rotor,
     /// Time since the last slip, s.
     held_s: f64,
-    /// Whether the motors' supply is on.
+    /// Whether the motors' supply is on, and its leads too.
     pub powered: bool,
     /// Its supply, and what the bridge leaves of it, as fractions of the nominal one.
     supply: f64,

@@ -35,6 +35,8 @@ fn each_rig_has_the_line_of_its_bridge_and_its_motors() {
         };
         let (forwards, backwards) = (line(1), line(-1));
         assert_eq!(host.fault(), Fault::None);
+        let on_s = host.board.rig().supply.on_s;
+        assert!((7.0..7.2).contains(&on_s), "ten drives of 0.7 s took {on_s} s of the battery");
         let has_line = |line: [[f64; 2]; 5], motor: usize, is_bent: bool| {
             // At a duty of 100, of the chord to full duty from the duty that friction takes.
             let friction = 255.0 * rig.motors[motor].dead_zone;
@@ -187,6 +189,20 @@ fn full_duty_at_the_speed_that_it_makes_is_no_overload() {
         host.run_linked_ms(29_000);
         println!("{name}: {rpm:.1?} rpm at full duty for 29 s, {:?}", host.fault());
         assert_eq!((host.fault(), host.last().state), (Fault::None, State::Running), "{name}");
+    }
+}
+
+/// A motor that stands is for the host to see: nothing tells the board.
+#[test]
+fn a_motor_without_encoder_that_stands_is_no_fault() {
+    for fault in ["blocked=1", "slips=1", "motor-off=1"] {
+        let mut host = Host::of_rig("duty");
+        host.inject(fault);
+        host.schedule(&[(0, [50.0, -50.0], [110, 110]), (800, [0.0; 2], [0; 2])]);
+        host.run_linked_ms(3000);
+        let rpm = host.board.rig().motors.each_ref().map(|motor| motor.speed_rpm);
+        assert!(rpm[0] == 0.0 && rpm[1] > 40.0, "{fault}: {rpm:?}");
+        assert_eq!((host.fault(), host.last().state), (Fault::None, State::Running), "{fault}");
     }
 }
 
