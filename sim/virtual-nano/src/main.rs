@@ -43,8 +43,8 @@ struct Arguments {
     #[arg(long)]
     bootloader: Option<Bootloader>,
     /// What is wired to the board: `encoders` (TB6612, motors with encoders), `duty` (L298N, no encoders, a battery), `in-in`
-    /// (DRV8833, encoders) or `duty-in-in` (DRV8833, no encoders, a battery). The board was set up for it, except for
-    /// the senses of its motors
+    /// (DRV8833, encoders) or `duty-in-in` (DRV8833, no encoders, a battery). With --firmware, the board was set up
+    /// for it, except for the senses of its motors
     #[arg(long, value_name = "NAME", default_value = "encoders")]
     rig: RigKind,
     /// A recording for the sensor to play; without --imu and --robot the sensor is at rest
@@ -75,7 +75,7 @@ struct Arguments {
     /// Simulate a fault, from the start or from a second of the board's clock; may be repeated. `help` lists the faults
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]")]
     faults: Vec<Timed>,
-    /// File that keeps the EEPROM, 1024 bytes; if it does not exist, the board was set up for its rig
+    /// File that keeps the EEPROM, 1024 bytes; if it does not exist, the board starts as without this option
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
 }
