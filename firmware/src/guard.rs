@@ -38,9 +38,6 @@ const QUIET_TICKS: u8 = 20;
 /// ... and four counts at its target, as a shift.
 const QUIET_COUNTS: u8 = 2;
 
-/// Speed of the published motor without load, hundredths of rpm for each step of the duty.
-const FREE: i16 = 51;
-
 /// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
 const LASTING: u32 = 85;
 
@@ -102,16 +99,6 @@ impl Guard {
         }
     }
 
-    /// Advances one tick of a motor without encoder. It is taken to turn at its target or, in an open-loop drive, as fast as the
-    /// published motor without load: nothing here sees a motor that stands. Returns whether it is overloaded.
-    #[inline(never)]
-    pub fn check_blind(&mut self, duty: Duty, target: CentiRpm) -> bool {
-        let duty = duty.0.unsigned_abs() as u8;
-        let speed = if target.0 == 0 { FREE * i16::from(duty) } else { target.0.abs() };
-        self.is_overloaded(duty, speed)
-    }
-
-    #[inline(never)]
     fn is_overloaded(&mut self, duty: u8, speed: i16) -> bool {
         // A multiple of 65536 is simple to divide.
         let loss = ((self.heat >> 16) as u16) << (16 - COOLING);

@@ -318,7 +318,9 @@ where
     #[inline(never)]
     fn measure_speed(&mut self, motor: usize, tick: &Tick) {
         if self.is_blind() {
-            return self.check_blind(motor);
+            // Nothing here tells a motor that stands: the host sees the swing of its flagellum.
+            self.telemetry.speed[motor] = CentiRpm::UNKNOWN;
+            return;
         }
         let edges = &tick.edges[motor];
         let mut motion = self.encoders[motor].update(edges, tick.time, self.speed_scale);
@@ -346,16 +348,6 @@ where
             return;
         }
         self.raise(if motor == 0 { faults[0] } else { faults[1] });
-    }
-
-    /// Checks a motor without encoder.
-    #[inline(never)]
-    fn check_blind(&mut self, motor: usize) {
-        let telemetry = &mut self.telemetry;
-        telemetry.speed[motor] = CentiRpm::UNKNOWN;
-        if self.guards[motor].check_blind(telemetry.duty[motor], telemetry.target[motor]) {
-            self.raise(if motor == 0 { Fault::Motor1Overloaded } else { Fault::Motor2Overloaded });
-        }
     }
 
     /// Returns whether the motors have no encoders.

@@ -102,18 +102,11 @@ fn motors_without_encoders_stop_when_the_host_falls_silent() {
     assert_eq!((bench.look().fault, bench.look().speed), (Fault::LinkLost, [CentiRpm::UNKNOWN; 2]));
 }
 
-/// A motor that has much more duty than its speed takes in air heats up, whether the liquid or a finger holds it.
+/// A weak supply needs much duty for a low speed. The host sees a motor that stands.
 #[test]
-fn heat_is_that_of_the_target_speed() {
-    for (rpm, duty) in [(90, 255), (-90, 255), (50, 180), (10, 100)] {
+fn no_duty_is_an_overload_where_nothing_measures_the_speed() {
+    for (rpm, duty) in [(90, 255), (-90, 255), (40, 255), (10, 100)] {
         assert_eq!(fault_of(rpm, duty, MINUTE).1, Fault::None, "{rpm} rpm at a duty of {duty}");
-    }
-    // The current of a blocked motor less 5 of 255 for every 2.56 rpm, against the 85 that may last.
-    for (rpm, duty, current) in [(40, 255, 180.0), (-5, 181, 176.0)] {
-        let (after_s, fault) = fault_of(rpm, duty, MINUTE);
-        let expected_s = -20.48 * f64::ln(1.0 - (85.0_f64 / current).powi(2));
-        let is_overload = fault == Fault::Motor1Overloaded && (after_s - expected_s - 0.3).abs() < 0.5;
-        assert!(is_overload, "{rpm} rpm at a duty of {duty}: {fault:?} after {after_s} s, {expected_s}");
     }
 }
 
