@@ -93,9 +93,9 @@ impl CentiRpm {
         Self(round_to_i16(rpm * 100.0))
     }
 
-    /// Returns the speed in rpm.
+    /// Returns the speed in rpm; NaN if it is unknown.
     pub fn rpm(self) -> f64 {
-        f64::from(self.0) / 100.0
+        if self == Self::UNKNOWN { f64::NAN } else { f64::from(self.0) / 100.0 }
     }
 
     /// Returns the speed in rad/s.

@@ -97,12 +97,14 @@ impl Converter {
     }
 
     fn motor(&self, frame: &Telemetry, i: usize) -> Motor {
+        let speed_rpm = frame.speed[i].rpm();
+        let turns = f64::from(frame.encoder[i].0) / f64::from(self.settings.counts_per_turn);
         Motor {
             target_rpm: frame.target[i].rpm(),
-            speed_rpm: frame.speed[i].rpm(),
+            speed_rpm,
             duty: frame.duty[i].0.into(),
             encoder_counts: frame.encoder[i].0,
-            turns: f64::from(frame.encoder[i].0) / f64::from(self.settings.counts_per_turn),
+            turns: if speed_rpm.is_nan() { f64::NAN } else { turns },
         }
     }
 }

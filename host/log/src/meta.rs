@@ -182,8 +182,8 @@ pub struct FaultMeta {
     pub fault: String,
     /// Duties of the motors' bridges, -255 to 255.
     pub duty: [i16; 2],
-    /// Measured speeds of the flagella.
-    pub speed_rpm: [f64; 2],
+    /// Measured speeds of the flagella; `None` without encoders.
+    pub speed_rpm: Option<[f64; 2]>,
     /// Where the firmware hung: the address in flash; 0 for other faults.
     pub program_counter: u16,
 }

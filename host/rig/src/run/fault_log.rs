@@ -3,6 +3,7 @@
 use super::error::fault_text;
 use crate::link::{Link, LinkError};
 use biflag_log::FaultMeta;
+use protocol::units::CentiRpm;
 use protocol::{Command, FAULT_RECORDS, Fault, FaultRecord, Reply};
 
 /// Reads the fault log, the latest entry first.
@@ -29,7 +30,7 @@ pub fn to_log(record: &FaultRecord) -> FaultMeta {
         time_s: seconds(record),
         fault: format!("{:?}", record.fault),
         duty: record.duty.map(|duty| duty.0),
-        speed_rpm: record.speed.map(|speed| speed.rpm()),
+        speed_rpm: Some(record.speed.map(CentiRpm::rpm)).filter(|speeds| speeds.iter().all(|rpm| rpm.is_finite())),
         program_counter: record.program_counter,
     }
 }
@@ -78,6 +79,6 @@ mod tests {
         let reset = FaultRecord { fault: Fault::Hang, ..FaultRecord::default() };
         assert!(line(&reset).contains("restarted, without an address, so a reset is likely;"), "{}", line(&reset));
         assert_eq!(to_log(&stall).fault, "Motor2Stalled");
-        assert_eq!(to_log(&stall).speed_rpm, [0.0, -12.1]);
+        assert_eq!(to_log(&stall).speed_rpm, Some([0.0, -12.1]));
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::UnitQuaternion;
 use protocol::Telemetry;
+use protocol::units::CentiRpm;
 use std::fmt;
 use study::attitude::{Euler, Unwrap};
 use study::text::decimal;
@@ -51,7 +52,10 @@ impl fmt::Display for Readout {
             write!(f, "{name} {:>6}°  ", decimal(angle, 1))?;
         }
         for (measured, target) in telemetry.speed.iter().zip(telemetry.target) {
-            write!(f, "{:>5} of {} rpm  ", decimal(measured.rpm(), 1), decimal(target.rpm(), 0))?;
+            if *measured != CentiRpm::UNKNOWN {
+                write!(f, "{:>5} of ", decimal(measured.rpm(), 1))?;
+            }
+            write!(f, "{} rpm  ", decimal(target.rpm(), 0))?;
         }
         let celsius = telemetry.temperature.celsius(self.imu_id);
         if celsius.is_finite() {
