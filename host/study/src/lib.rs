@@ -45,7 +45,7 @@ pub mod session;
 pub mod statistics;
 pub mod steer;
 pub mod sweep;
-mod swing;
+pub mod swing;
 pub mod text;
 pub mod trial;
 pub mod twin;

@@ -134,6 +134,13 @@ impl Plan {
         let repeats = source.checked(&session.repeats, "repeats", possible)?.unwrap_or(1);
         let seed = source.checked(&session.seed, "seed", |seed| u64::try_from(*seed).ok())?;
         file.board.check(&source, &["board"])?;
+        for (key, value) in [("bridge", &file.board.bridge), ("speed_from", &file.board.speed_from)] {
+            if value.is_some() {
+                let cure =
+                    "leave it out: it says how the board is wired, so it is set once, by `biflag settings --write`";
+                return Err(source.error_at(["board", key], format!("{key} is no setting of a plan"), cure));
+            }
+        }
 
         let list = TrialList { speeds: file.speeds.as_ref(), repeats, seed, phases, reverse, start };
         Ok(Self {

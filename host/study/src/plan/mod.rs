@@ -14,6 +14,7 @@ pub(crate) mod expand;
 pub(crate) mod file;
 mod fit;
 mod hand_turn;
+pub mod line;
 mod rest;
 pub mod robot;
 mod schedule;

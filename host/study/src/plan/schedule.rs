@@ -1,5 +1,6 @@
 //! The schedule of a trial, the same on the rig and in the model.
 
+use super::line::{Lines, TooFast};
 use super::{Phases, Reverse, Trial};
 use protocol::units::CentiRpm;
 use protocol::{SetPoint, State, TICK_HZ};
@@ -146,8 +147,12 @@ impl Schedule {
         timed().map(move |event| (((event.start_s - first_s) * f64::from(TICK_HZ)).round() as u32, event))
     }
 
-    /// Returns the set-points to send to the board. Of two events in one tick, only the later is sent.
-    pub fn set_points(&self) -> Vec<SetPoint> {
+    /// Returns the set-points to send to the board, with the duties of motors with these lines. Of two events in one tick, only the
+    /// later is sent.
+    ///
+    /// # Errors
+    /// [`TooFast`] if a motor does not reach a speed.
+    pub fn set_points(&self, lines: Option<&Lines>) -> Result<Vec<SetPoint>, TooFast> {
         let mut points: Vec<SetPoint> = Vec::new();
         let mut number = 0;
         for (tick, event) in self.ticks() {
@@ -155,9 +160,11 @@ impl Schedule {
                 number = phase.number();
             }
             points.pop_if(|before| before.tick == tick);
-            points.push(SetPoint { tick, speeds: event.setpoint.target, duties: [0; 2], phase: number });
+            let speeds = event.setpoint.target;
+            let duties = lines.map_or(Ok([0; 2]), |lines| lines.duties(speeds))?;
+            points.push(SetPoint { tick, speeds, duties, phase: number });
         }
-        points
+        Ok(points)
     }
 
     /// Returns the end of the trial, s.
@@ -187,7 +194,7 @@ mod tests {
 
     fn set_points(trial: &str) -> Vec<(u32, [f64; 2], u8)> {
         let plan = Plan::parse(&format!("[trial]\n{trial}\n[speeds]\npairs = [[50, 10]]"), "p.toml").unwrap();
-        let points = Schedule::planned(&plan.trials[0]).set_points();
+        let points = Schedule::planned(&plan.trials[0]).set_points(None).unwrap();
         points.into_iter().map(|point| (point.tick, point.speeds.map(CentiRpm::rpm), point.phase)).collect()
     }
 

@@ -1,7 +1,7 @@
 //! How fast the motors turned, by the motion alone.
 
 use super::causes::SLOWEST_RPM;
-use super::lines::{Fit, Fitter, size};
+use super::lines::{FASTEST_HZ, Fit, Fitter, size};
 use super::motion::Motion;
 use super::score::{agreement, in_plane_dps, least_dps, score};
 use super::{MOST_LEFT, SHAKING};
@@ -12,7 +12,7 @@ use std::fmt;
 use std::ops::Range;
 
 /// Length of the part in which the lines are told, s.
-const PART_S: f64 = 20.0;
+pub(super) const PART_S: f64 = 20.0;
 
 /// How often speeds that wander are followed, and in windows of which length, s.
 const FOLLOWED: usize = 2;
@@ -21,6 +21,8 @@ const FOLLOWED_S: f64 = 4.0;
 /// Most steps of a fit.
 const STEPS: usize = 4;
 
+/// Why no speed is told where nothing turns.
+pub const NO_LINE: &str = "no line of a motor is seen";
 const TOUCH: &str = "the flagella touch, or the motion does not repeat";
 
 /// Lines of which a motor may have any.
@@ -28,6 +30,9 @@ const LINES: usize = 8;
 
 /// Readings that are fitted exactly.
 const REFINED: usize = 6;
+
+/// The fastest motor alone that is looked for, Hz: a motor without load at full duty.
+const FASTEST_ALONE_HZ: f64 = 2.7;
 
 /// How far they may move, in turns over the whole time; closer readings are the same.
 const REACH_TURNS: f64 = 0.8;
@@ -61,7 +66,7 @@ const INFLATION: f64 = 1.9;
 const FLOOR_RPM_S: f64 = 2.0;
 
 /// A larger uncertainty is that of a line which does not hold its phase: it is no motor's.
-const MOST_RPM: f64 = 0.4;
+pub(super) const MOST_RPM: f64 = 0.4;
 
 /// Speeds of both motors, measured by the swing of the robot.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
@@ -84,16 +89,21 @@ impl SwingSpeeds {
         Self { not_measured: Some(why), ..Self::default() }
     }
 
+    /// Returns these speeds with their uncertainties.
+    pub(super) fn told([one, two]: [(f64, f64); 2]) -> Self {
+        Self {
+            measured_w1_rpm: Some(one.0),
+            measured_w1_uncertainty_rpm: Some(one.1),
+            measured_w2_rpm: Some(two.0),
+            measured_w2_uncertainty_rpm: Some(two.1),
+            not_measured: None,
+        }
+    }
+
     /// Measures the speeds in a part of a run, if it has one.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
         match part_s.and_then(|part_s| speeds(angles_deg, part_s)) {
-            Ok([one, two]) => Self {
-                measured_w1_rpm: Some(one.0),
-                measured_w1_uncertainty_rpm: Some(one.1),
-                measured_w2_rpm: Some(two.0),
-                measured_w2_uncertainty_rpm: Some(two.1),
-                not_measured: None,
-            },
+            Ok(speeds) => Self::told(speeds),
             Err(why) => Self::unknown(why),
         }
     }
@@ -108,6 +118,33 @@ impl fmt::Display for SwingSpeeds {
             None => write!(f, "cannot be told: {}", self.not_measured.unwrap_or_default()),
         }
     }
+}
+
+/// Returns the speed (rpm) of a motor that turns alone, with its 95 % uncertainty. Its sign is the likelier one: a flagellum that
+/// touches the other one, which stands, makes the base swing to and fro.
+///
+/// # Errors
+/// Why it cannot be told.
+pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, f64), &'static str> {
+    let motion = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
+    let fitter = Fitter::new(&motion);
+    let found = fitter.strongest(SHAKING, FASTEST_ALONE_HZ);
+    let fitter = fitter.without_shaking(&found);
+    let seen = fitter.strongest(1, FASTEST_ALONE_HZ).first().copied().ok_or(NO_LINE)?;
+    let mut fit = fitter.refined([seen, 0.0], [1.0 / motion.length_s, 0.0], STEPS).ok_or(TOUCH)?;
+    let line = *fit.motor(0).ok_or(NO_LINE)?;
+    if size(line.opposite) > size(line.turns) {
+        fit = fit.read([-1.0, 1.0], false);
+    }
+    let rpm = fit.hz[0] * 60.0;
+    let [turns, opposite] = [size(line.turns), size(line.opposite)];
+    if turns.max(opposite) < LEAST_LINE * in_plane_dps(rpm.abs()) {
+        return Err(NO_LINE);
+    }
+    if fit.left[0] > MOST_LEFT {
+        return Err("the motion is no swing of one motor");
+    }
+    Ok((rpm, uncertainty_rpm(&fitter, &fit, motion.length_s)[0]))
 }
 
 /// A reading of a motion: its score and its fit.
@@ -153,9 +190,9 @@ fn told(motion: &Motion) -> Result<(Fit, Vec<f64>), &'static str> {
     if (0..2).all(|k| swing[k] < least[k]) {
         return Err("the robot hardly swings");
     }
-    let strongest = fitter.strongest(SHAKING);
+    let strongest = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&strongest);
-    let found = fitter.strongest(LINES);
+    let found = fitter.strongest(LINES, FASTEST_HZ);
     let pairs = (0..found.len()).flat_map(|i| (0..i).map(move |j| [i, j])).map(|pair| pair.map(|i| found[i]));
     let alone = found.iter().flat_map(|f| [[*f, 0.0], [*f, *f], [*f, -f]]);
     let of = |hz: [f64; 2], reach: [f64; 2], steps: usize| fitter.refined(hz, reach, steps).map(|fit| readings(&fit));
@@ -168,7 +205,7 @@ fn told(motion: &Motion) -> Result<(Fit, Vec<f64>), &'static str> {
     let exact = rough.iter().filter_map(|Reading { fit, .. }| of(fit.hz, fit.hz.map(reach), STEPS)).flatten();
     let mut exact: Vec<Reading> = exact.filter(|Reading { fit, .. }| !has_too_weak(fit)).collect();
     exact.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let Some(Reading { score: first, fit }) = exact.first() else { return Err("no line of a motor is seen") };
+    let Some(Reading { score: first, fit }) = exact.first() else { return Err(NO_LINE) };
     if let Some(reason) = doubt(fit, *first, motion.length_s) {
         return Err(reason);
     }
@@ -227,7 +264,7 @@ fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
 }
 
 /// Returns the uncertainties of both speeds: those of lines through the phases of windows.
-fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
+pub(super) fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
     let windows = if length_s < 30.0 { 5 } else { 6 };
     let Some((ahead_s, _)) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
     let count = windows as f64;

@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 const MIXED: [[i32; 2]; 12] =
     [[1, 0], [0, 1], [2, 0], [0, 2], [1, 1], [1, -1], [3, 0], [0, 3], [2, 1], [2, -1], [1, 2], [1, -2]];
 
-/// The fastest motor that is looked for, Hz.
-const FASTEST_HZ: f64 = 1.75;
+/// The fastest motor that is looked for in a trial, Hz.
+pub const FASTEST_HZ: f64 = 1.75;
 
 /// A shaking has at most this share of its power beside one phase; a swing turns, and has a half.
 const SHAKING_BESIDE: f64 = 0.001;
@@ -169,11 +169,11 @@ impl<'a> Fitter<'a> {
         all.map(|f| (power(f), f)).max_by(|a, b| a.0.total_cmp(&b.0)).map_or(hz, |(_, f)| f)
     }
 
-    /// Returns the frequencies of the strongest lines, each found beside those that are stronger.
-    pub fn strongest(&self, count: usize) -> Vec<f64> {
+    /// Returns the frequencies of the strongest lines of motors up to a speed, each found beside those that are stronger.
+    pub fn strongest(&self, count: usize, fastest_hz: f64) -> Vec<f64> {
         let length_s = self.motion.length_s;
         let step = 0.35 / length_s;
-        let grid: Vec<f64> = (2..(FASTEST_HZ / step) as i32).map(|k| f64::from(k) * step).collect();
+        let grid: Vec<f64> = (2..(fastest_hz / step) as i32).map(|k| f64::from(k) * step).collect();
         let mut found: Vec<f64> = Vec::new();
         while let Some(solved) = self.solve(&found).filter(|_| found.len() < count) {
             let power = |f: f64| self.power(f, &solved.residuals).iter().sum::<f64>();

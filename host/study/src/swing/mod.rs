@@ -12,13 +12,14 @@ mod score;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use blind::SwingSpeeds;
+pub use blind::{NO_LINE, SwingSpeeds, speed_alone};
 pub use causes::Cause;
 
 use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
-use lines::{Fit, Fitter};
+use lines::{FASTEST_HZ, Fit, Fitter};
 use motion::Motion;
+pub use score::in_plane_dps;
 use score::{least_dps, off_deg, score};
 use std::ops::Range;
 
@@ -106,7 +107,7 @@ pub fn label(trial: &Labelled) -> Label {
     if (0..2).all(|k| swing[k] < least[k]) {
         return Label::HardlySwings;
     }
-    let found = fitter.strongest(SHAKING);
+    let found = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&found);
     let readings = Readings { fitter: &fitter, trial };
     let label = match readings.at(trial.rpm, 3) {
@@ -155,6 +156,31 @@ pub fn label(trial: &Labelled) -> Label {
         }
         None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
         None => Label::Right,
+    }
+}
+
+/// Returns the speeds (rpm) near those of a label with their 95 % uncertainties, of motors that nothing else measures: in the whole
+/// part, or where they wander too much in its end.
+fn near_label(trial: &Labelled) -> Option<[(f64, f64); 2]> {
+    let end_s = trial.settled_s.end;
+    [trial.settled_s.start, end_s - blind::PART_S].into_iter().find_map(|start_s| {
+        let motion = Motion::of(trial.angles_deg, start_s.max(trial.settled_s.start)..end_s)?;
+        let fitter = Fitter::new(&motion);
+        let found = fitter.strongest(SHAKING, FASTEST_HZ);
+        let fitter = fitter.without_shaking(&found);
+        let (_, fit) = Readings { fitter: &fitter, trial }.at(trial.rpm, 3)?;
+        let are_seen = (0..2).all(|k| trial.rpm[k] == 0.0 || fit.motor(k).is_some());
+        let u = blind::uncertainty_rpm(&fitter, &fit, motion.length_s);
+        let are_told = (0..2).all(|k| trial.rpm[k] == 0.0 || u[k] < blind::MOST_RPM);
+        (are_seen && are_told && !fit.hides_one() && fit.left.iter().all(|left| *left < MOST_LEFT))
+            .then(|| [0, 1].map(|k| (fit.hz[k] * 60.0, u[k])))
+    })
+}
+
+impl SwingSpeeds {
+    /// Returns the speeds of a trial whose label only nears them, if the motion tells them.
+    pub(crate) fn near(trial: &Labelled) -> Option<Self> {
+        near_label(trial).map(Self::told)
     }
 }
 

@@ -112,7 +112,8 @@ impl Bins<'_> {
         let (mut sums, mut counts) = (vec![0.0; self.count], vec![0.0; self.count]);
         let first = self.time_s.partition_point(|t| *t < self.start_s);
         for (t, value) in self.time_s.iter().zip(column).skip(first) {
-            let bin = ((t - self.start_s) / INTERVAL_S) as usize;
+            // Of a table whose readings are an interval apart, rounding would leave bins without any.
+            let bin = ((t - self.start_s) / INTERVAL_S + 1e-6) as usize;
             if bin >= self.count {
                 break;
             }

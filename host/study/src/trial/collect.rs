@@ -56,9 +56,9 @@ impl Collector {
             self.data.readings.push((time_s, reading));
         }
         if let (Some(one), Some(two)) = (&frame.motor1, &frame.motor2) {
-            let Motor { target_rpm, speed_rpm, turns, .. } = *one;
-            self.data.motors.push(time_s, [target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns]);
-            if self.ordered_s.is_none() && (target_rpm != 0.0 || two.target_rpm != 0.0) {
+            let ((w1, turns1), (w2, turns2)) = (self.motion(0, one, time_s), self.motion(1, two, time_s));
+            self.data.motors.push(time_s, [one.target_rpm, w1, two.target_rpm, w2, turns1, turns2]);
+            if self.ordered_s.is_none() && (one.target_rpm != 0.0 || two.target_rpm != 0.0) {
                 self.ordered_s = Some(time_s);
             }
         }
@@ -181,6 +181,17 @@ impl Collector {
         self.last_s = states.time_s.last().copied();
         (self.frames, self.temperature_sum) = (1, celsius);
         self.data.link.samples = states.len() as u64;
+    }
+
+    /// Returns the speed (rpm) and the turns of a motor. One without encoder turns as commanded until its swing is known.
+    fn motion(&self, index: usize, motor: &Motor, time_s: f64) -> (f64, f64) {
+        if !motor.speed_rpm.is_nan() {
+            return (motor.speed_rpm, motor.turns);
+        }
+        let motors = &self.data.motors;
+        let before = motors.time_s.last().zip(motors.values[4 + index].last());
+        let turns = before.map_or(0.0, |(before_s, turns)| turns + motor.target_rpm / 60.0 * (time_s - before_s));
+        (motor.target_rpm, turns)
     }
 
     /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if the frame has no

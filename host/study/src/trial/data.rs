@@ -6,14 +6,15 @@ use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
 use crate::sensor::Sensor;
+use crate::swing::SwingSpeeds;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, ImportMeta, LevelMeta, LinkStats, Loss,
     MeasuredSensorMeta, ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta,
     Start, SteadyMeta, SteerMeta, Summary, TrialMeta,
 };
-use protocol::Settings;
 use protocol::units::CentiRpm;
+use protocol::{Settings, SpeedFrom};
 use sim::params::Robot;
 use sim::trial::means::WINDOW;
 use sim::trial::quantity::SAMPLE_COLUMNS;
@@ -198,6 +199,8 @@ pub struct Data {
     pub sha256: Option<String>,
     /// Reasons for a shortened or shifted run.
     pub warnings: Vec<String>,
+    /// Whether the motors have no encoders, and their speeds are those of the swing.
+    pub has_swing_speeds: bool,
     /// Findings about the log's identity within its session: see [`crate::session`].
     pub identity: Vec<Finding>,
 }
@@ -276,6 +279,29 @@ impl Data {
     /// Returns the settings of the board.
     pub fn settings(&self) -> Option<Settings> {
         self.records.board.as_ref().and_then(board::of_log)
+    }
+
+    /// Returns whether the motors have no encoders.
+    pub fn is_blind(&self) -> bool {
+        self.is_recorded() && self.settings().is_some_and(|settings| settings.speed_from == SpeedFrom::Duty)
+    }
+
+    /// Returns whether nothing measured the speeds of its motors.
+    pub fn lacks_speeds(&self) -> bool {
+        !self.has_swing_speeds && self.is_blind() && self.planned_speeds() != [CentiRpm(0); 2]
+    }
+
+    /// Takes speeds measured by the swing in place of those commanded.
+    pub(super) fn take_speeds(&mut self, measured: &SwingSpeeds) {
+        self.has_swing_speeds = measured.not_measured.is_none();
+        let [one, two] = self.planned_speeds().map(CentiRpm::rpm);
+        let [_, w1, _, w2, turns1, turns2] = &mut self.motors.values;
+        for (rpm, commanded, columns) in
+            [(measured.measured_w1_rpm, one, [w1, turns1]), (measured.measured_w2_rpm, two, [w2, turns2])]
+        {
+            let Some(rpm) = rpm.filter(|_| commanded != 0.0) else { continue };
+            columns.into_iter().flatten().for_each(|value| *value *= rpm / commanded);
+        }
     }
 
     /// Returns the sensor: the measured errors in the log, and the data sheet for all others.

@@ -44,8 +44,13 @@ impl Judged {
     }
 
     /// Judges a trial by a table. `after`: the time in which the robot may be still again.
-    fn by(table: &[Section], data: Data, after: Range<f64>) -> Self {
+    fn by(table: &[Section], mut data: Data, after: Range<f64>) -> Self {
         let mut angles = Zeroed::with_end(&data, after);
+        if data.is_blind()
+            && let Some(steady) = &angles.steady
+        {
+            data.take_speeds(findings::speeds_without_encoders(&data, &angles, steady));
+        }
         let (mut found, mut not_judged) = findings::all(table, &data, &angles);
         let is_unsure = found.iter().any(Finding::empties_uncertainty);
         angles.judge(is_unsure);

@@ -14,7 +14,7 @@ mod swing;
 mod window;
 
 pub use log::DAMAGED_FRAME;
-pub(crate) use swing::labelled;
+pub(crate) use swing::{labelled, speeds_without_encoders};
 
 use super::data::Data;
 use super::finding::{Finding, FindingKind, Gravity};

@@ -1,20 +1,29 @@
 //! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
 
 use super::{Rule, Section, frame};
-use crate::swing::{Cause, Label, Labelled, label};
+use crate::swing::{Cause, Label, Labelled, SwingSpeeds, label};
 use crate::text::either;
+use crate::trial::angles::Steady;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Swing, Upright};
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
 use std::collections::BTreeSet;
 
-/// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, and of an import.
-const OFF: [(f64, f64); 2] = [(0.012, 0.1), (0.03, 0.3)];
+/// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, of an import, and of motors without
+/// encoders.
+const OFF: (f64, f64) = (0.012, 0.1);
+const OFF_OF_IMPORT: (f64, f64) = (0.03, 0.3);
+const OFF_OF_BLIND: (f64, f64) = (0.25, 2.0);
 
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
-static RULES: [Rule; 2] = [
+static RULES: [Rule; 3] = [
+    Rule::note(
+        Swing,
+        "a model of it needs them, so no comparison has a ±: record a longer run, or other speeds",
+        without_speeds,
+    ),
     Rule::note(Upright, frame::AXES, turns_with_its_motors),
     Rule::law(
         Swing,
@@ -45,8 +54,24 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
     let rpm = data.speeds().map(CentiRpm::rpm);
     let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
     let settled_s = zeroed.steady.as_ref().ok_or("the run is too short for steady angles")?.swing_s.clone()?;
-    let (off, touches) = (OFF[usize::from(!data.is_recorded())], robot.flagellum.mesh(rpm));
+    let touches = robot.flagellum.mesh(rpm);
+    let off = match data.is_recorded() {
+        _ if data.is_blind() => OFF_OF_BLIND,
+        true => OFF,
+        false => OFF_OF_IMPORT,
+    };
     Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches })
+}
+
+/// Returns the speeds of motors without encoders: those of the swing alone, or those near the commanded ones that the swing has.
+pub(crate) fn speeds_without_encoders<'a>(data: &Data, zeroed: &Zeroed, steady: &'a Steady) -> &'a SwingSpeeds {
+    steady.measured.get_or_init(|| {
+        let alone = SwingSpeeds::of(&zeroed.angles_deg, steady.swing_s.clone());
+        match alone.not_measured.and_then(|_| SwingSpeeds::near(&labelled(data, zeroed).ok()?)) {
+            Some(near) => near,
+            None => alone,
+        }
+    })
 }
 
 /// Returns what the swing of a trial says of its speeds, or why nothing.
@@ -78,6 +103,17 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
         Label::Right => Ok(None),
         Label::NotJudged(why) => Err(why),
     }
+}
+
+fn without_speeds(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let why = zeroed.steady.as_ref().filter(|_| data.is_blind())?.measured(&zeroed.angles_deg).not_measured?;
+    let [w1, w2] = data.speeds().map(CentiRpm::rpm);
+    (w1 != 0.0 || w2 != 0.0).then(|| {
+        format!(
+            "the motors have no encoders, and the swing does not tell their speeds ({why}): those commanded, {w1} and {w2} rpm, are \
+             within some 5 %"
+        )
+    })
 }
 
 fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {

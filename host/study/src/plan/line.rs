@@ -1,0 +1,124 @@
+//! The line of a motor without encoder: how fast it turns at which duty.
+//!
+//! `biflag doctor --motors` measures some points of it, in both senses. Between two points, and from the lowest one down, the line
+//! is straight: a bridge whose motors are free between pulses bends it, so that no straight line through all points holds.
+
+use miette::Diagnostic;
+use protocol::units::CentiRpm;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A point of a line: the duty, out of 255, and the speed without its sign.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[serde(deny_unknown_fields)]
+pub struct LinePoint {
+    /// Duty, out of 255.
+    pub duty: u8,
+    /// Speed of the flagellum, rpm.
+    pub speed_rpm: f64,
+}
+
+/// The line of a motor, each half with its duties and speeds in ascending order.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    /// Turning forwards: counter-clockwise, seen from above.
+    pub forwards: Vec<LinePoint>,
+    /// Turning backwards.
+    pub backwards: Vec<LinePoint>,
+}
+
+/// The lines of both motors of a board.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
+pub struct Lines {
+    /// The board's supply when they were measured, V.
+    pub supply_v: f64,
+    /// Motors 1 and 2.
+    pub motor: [Line; 2],
+}
+
+/// A speed that a motor does not reach.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[error("motor {motor} turns at {} rpm at most, and {wanted_rpm} are planned", .most_rpm.floor())]
+#[diagnostic(help(
+    "plan slower speeds, or raise the supply of the motors and measure them again with `biflag doctor --motors`"
+))]
+pub struct TooFast {
+    /// 1 or 2.
+    pub motor: usize,
+    /// The planned speed.
+    pub wanted_rpm: f64,
+    /// The largest speed in this sense.
+    pub most_rpm: f64,
+}
+
+impl Lines {
+    /// Returns the duties, without signs, at which both motors turn at these speeds.
+    ///
+    /// # Errors
+    /// [`TooFast`].
+    pub fn duties(&self, speeds: [CentiRpm; 2]) -> Result<[u8; 2], TooFast> {
+        let mut duties = [0; 2];
+        for (motor, speed) in speeds.into_iter().enumerate() {
+            duties[motor] = self.motor[motor].duty(speed.rpm()).map_err(|most_rpm| TooFast {
+                motor: motor + 1,
+                wanted_rpm: speed.rpm(),
+                most_rpm,
+            })?;
+        }
+        Ok(duties)
+    }
+}
+
+impl Line {
+    /// Returns the duty of a speed; the largest speed if it is not reached.
+    fn duty(&self, speed_rpm: f64) -> Result<u8, f64> {
+        let points = if speed_rpm < 0.0 { &self.backwards } else { &self.forwards };
+        let wanted = speed_rpm.abs();
+        if wanted == 0.0 {
+            return Ok(0);
+        }
+        let at = points.partition_point(|point| point.speed_rpm < wanted).clamp(1, points.len().max(2) - 1);
+        let (Some(low), Some(high)) = (points.get(at - 1), points.get(at)) else { return Err(0.0) };
+        let slope = f64::from(high.duty - low.duty) / (high.speed_rpm - low.speed_rpm);
+        let duty = f64::from(low.duty) + (wanted - low.speed_rpm) * slope;
+        let full = f64::from(u8::MAX);
+        if duty > full {
+            return Err(low.speed_rpm + (full - f64::from(low.duty)) / slope);
+        }
+        Ok(duty.round().max(1.0) as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines() -> Lines {
+        let points = |all: [(u8, f64); 3]| all.map(|(duty, speed_rpm)| LinePoint { duty, speed_rpm }).to_vec();
+        let line = Line {
+            forwards: points([(60, 20.0), (100, 50.0), (200, 100.0)]),
+            backwards: points([(60, 10.0), (100, 30.0), (200, 60.0)]),
+        };
+        Lines { supply_v: 5.0, motor: [line.clone(), line] }
+    }
+
+    #[test]
+    fn duties_are_those_of_the_line_in_each_sense() {
+        let duties = |one: f64, two: f64| lines().duties([one, two].map(CentiRpm::from_rpm));
+        assert_eq!(duties(50.0, -30.0), Ok([100, 100]));
+        assert_eq!(duties(35.0, 75.0), Ok([80, 150]));
+        assert_eq!(duties(0.0, 5.0), Ok([0, 40]), "along the lowest part");
+        assert_eq!(duties(110.0, -66.0), Ok([220, 220]), "along the highest part");
+        let error = duties(20.0, -80.0).unwrap_err();
+        assert_eq!(error.to_string(), "motor 2 turns at 76 rpm at most, and -80 are planned");
+        assert!(Lines::default().duties([CentiRpm(1), CentiRpm(0)]).is_err(), "nothing was measured");
+    }
+
+    #[test]
+    fn lines_go_to_a_file_and_back() {
+        let text = toml::to_string(&lines()).unwrap();
+        assert_eq!(toml::from_str::<Lines>(&text).unwrap(), lines());
+    }
+}
