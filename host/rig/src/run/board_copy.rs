@@ -8,6 +8,7 @@ use biflag_log::atomic_file;
 use protocol::Settings;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use study::plan::line::Lines;
 use study::plan::{BoardSettings, PlanError, board};
 
 /// The folder of the copies.
@@ -58,6 +59,26 @@ impl BoardCopies {
         }
         std::fs::create_dir_all(&self.folder)?;
         atomic_file::replace(&path, |file| file.write_all(text.as_bytes()))
+    }
+
+    /// Returns the path of the lines of a board's motors.
+    fn lines_path(&self, board_id: u16) -> PathBuf {
+        self.folder.join(format!("{board_id}.lines.toml"))
+    }
+
+    /// Writes the lines of a board's motors.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep_lines(&self, board_id: u16, lines: &Lines) -> std::io::Result<()> {
+        std::fs::create_dir_all(&self.folder)?;
+        let text = toml::to_string(lines).map_err(std::io::Error::other)?;
+        atomic_file::replace(&self.lines_path(board_id), |file| file.write_all(text.as_bytes()))
+    }
+
+    /// Returns the lines of a board's motors, if they were measured.
+    pub fn lines(&self, board_id: u16) -> Option<Lines> {
+        toml::from_str(&std::fs::read_to_string(self.lines_path(board_id)).ok()?).ok()
     }
 
     /// Reads the copy of a board.

@@ -6,6 +6,7 @@ use crate::link::LinkError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use protocol::{Fault, ResetCause};
+use study::plan::line::TooFast;
 use study::steer::SteerError;
 use thiserror::Error;
 
@@ -44,6 +45,29 @@ pub enum RecordError {
     #[error("the encoders' lines had {0:.0} edges a second that are not motion")]
     #[diagnostic(help("{CABLE_CURE}; then continue with --resume"))]
     Disturbed(f64),
+    /// The swing of the robot does not tell the speed of a motor.
+    #[error("the robot does not swing as with motor {motor} alone at a duty of {duty} of 255: {reason}")]
+    #[diagnostic(help(
+        "is the robot in its liquid, with both flagella on it? See that flagellum {motor} turns at each step; if it does not, check \
+         the motors' supply and the wires of its bridge"
+    ))]
+    NoSwing { motor: usize, duty: u8, reason: &'static str },
+    /// A motor without encoder stands.
+    #[error("motor {0} seems to stand: the robot does not swing once a turn of flagellum {0}")]
+    #[diagnostic(help(
+        "see what holds flagellum {0}, and check the leads of its motor and its supply; then continue with --resume"
+    ))]
+    Standing(usize),
+    /// A motor does not reach a speed of the trial.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    TooFast(#[from] TooFast),
+    /// No lines of the motors are known.
+    #[error("how fast these motors turn at which duty is not known, and they have no encoders (speed_from = \"duty\")")]
+    #[diagnostic(help(
+        "measure it, with the robot in its liquid, by `biflag doctor --motors`; it takes some nine minutes"
+    ))]
+    NoLines,
     /// The link failed.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -13,6 +13,7 @@ use protocol::{Calibration, Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, SystemTime};
+use study::plan::line::Lines;
 use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
 use study::progress::Progress;
 use study::run::{self, Measured};
@@ -49,6 +50,8 @@ pub struct RunContext<'a> {
     pub player: Option<&'a mut VirtualNano>,
     /// The robot, if it is simulated.
     pub robot: Option<&'a SimulatedRobot>,
+    /// The lines of motors without encoders.
+    pub lines: Option<&'a Lines>,
 }
 
 /// Runs a trial and writes its log to `path`. `settings` are the board's settings. In every case, stops the motors and
@@ -86,7 +89,7 @@ pub(super) fn record(
         kept.log.meta(&robot.sensor)?;
     }
     let truth = context.robot.map(TruthRecorder::new);
-    let mut recorder = Recorder::new(context.link, kept, context.interrupted, truth);
+    let mut recorder = Recorder::new(context.link, kept, settings, context.interrupted, truth);
     let mut said = Said::default();
     let phases = phases(&mut recorder, context, &mut said);
     // After a failed write, further writes to the log fail as well.
@@ -190,7 +193,7 @@ fn begin(
     settings: &Settings,
     said: &mut Said,
 ) -> Result<u64, RecordError> {
-    let points = schedule.set_points();
+    let points = schedule.set_points(context.lines)?;
     schedule::send(recorder, &points)?;
     let count = points.len();
     recorder.begin()?;

@@ -6,10 +6,11 @@ use super::error::{RecordError, fault_text};
 use super::health::Health;
 use super::readout::Readout;
 use super::simulated::TruthRecorder;
+use super::standing::Standing;
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::CentiRpm;
-use protocol::{Command, Fault, Reply, Request, State, TICK_HZ, Telemetry};
+use protocol::{Command, Fault, Reply, Request, Settings, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
@@ -52,6 +53,7 @@ pub(super) struct Recorder<'a> {
     pub(super) trial: run::Recorder,
     pub(super) monitor: Monitor,
     pub(super) health: Health,
+    standing: Standing,
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
     readout: Readout,
@@ -82,6 +84,7 @@ impl<'a> Recorder<'a> {
     pub(super) fn new(
         link: &'a Link,
         trial: run::Recorder,
+        settings: Settings,
         interrupted: &'a AtomicBool,
         truth: Option<TruthRecorder<'a>>,
     ) -> Self {
@@ -90,6 +93,7 @@ impl<'a> Recorder<'a> {
             trial,
             monitor: Monitor::default(),
             health: Health::default(),
+            standing: Standing::new(settings),
             speeds: VecDeque::new(),
             readout: Readout::new(link.info().imu_id),
             interrupted,
@@ -254,8 +258,11 @@ impl<'a> Recorder<'a> {
         self.recorded_phase = last_phase;
     }
 
-    /// Returns the mean speeds of the flagella over the last second.
+    /// Returns the mean speeds of the flagella over the last second, which are unknown without encoders.
     pub(super) fn last_speeds(&self) -> [CentiRpm; 2] {
+        if self.speeds.iter().any(|speeds| speeds.contains(&CentiRpm::UNKNOWN)) {
+            return [CentiRpm::UNKNOWN; 2];
+        }
         let count = self.speeds.len().max(1) as i32;
         let sum = |motor: usize| self.speeds.iter().map(|speeds| i32::from(speeds[motor].0)).sum::<i32>();
         [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
@@ -371,9 +378,11 @@ impl<'a> Recorder<'a> {
         if now.1 != before.1 {
             self.trial.event(EventKind::Fault, &format!("{:?}: {}", now.1, fault_text(now.1)), frame.host)?;
         }
-        match now.1 {
-            Fault::None => Ok(()),
-            fault => Err(RecordError::Faulted(fault)),
+        let stands = self.standing.frame(&frame.telemetry, frame.board_us as f64 * 1e-6);
+        match (now.1, stands) {
+            (Fault::None, None) => Ok(()),
+            (Fault::None, Some(motor)) => Err(RecordError::Standing(motor)),
+            (fault, _) => Err(RecordError::Faulted(fault)),
         }
     }
 

@@ -21,6 +21,14 @@ const STEP_MS: u16 = 400;
 /// Duration of the drive at full duty, ms.
 const FULL_MS: u16 = 800;
 
+/// A duty at which no motor turns, and the time for which it is tried, ms: on a bridge with other inputs than the settings say, it is
+/// nearly full duty.
+pub const IDLE_DUTY: i16 = 8;
+const IDLE_MS: u16 = 400;
+
+/// Turns of a flagellum in that time that are no trembling.
+const IDLE_TURNS: f64 = 0.05;
+
 /// Smallest gyroscope difference between both directions that shows that the motor turns, degrees per second.
 const GYRO_EVIDENCE_DPS: f64 = 0.5;
 
@@ -100,6 +108,26 @@ pub fn run(
         }
     };
     Ok([test(0)?, test(1)?])
+}
+
+/// Returns the motor (0 or 1) that turns at [`IDLE_DUTY`], if one does.
+///
+/// # Errors
+/// [`RecordError`] if the board cannot be driven.
+pub fn turns_at_idle(board: &mut impl Drive, settings: &Settings) -> Result<Option<usize>, RecordError> {
+    for motor in 0..2 {
+        for duty in [IDLE_DUTY, -IDLE_DUTY] {
+            let response = respond(board, motor, duty, IDLE_MS)?;
+            let counts = f64::from(response.encoders[motor].counts.unsigned_abs());
+            let gyro = response.gyro.iter().map(|axis| axis * axis).sum::<f64>().sqrt();
+            if counts > IDLE_TURNS * f64::from(settings.counts_per_turn)
+                || gyro > GYRO_EVIDENCE_DPS * f64::from(settings.gyro_range.counts_per_dps())
+            {
+                return Ok(Some(motor));
+            }
+        }
+    }
+    Ok(None)
 }
 
 /// Returns the motor (0 or 1) to which a fault, or the fault's encoder, belongs; `None` for other faults, which end the

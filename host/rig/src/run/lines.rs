@@ -1,0 +1,209 @@
+//! Measures the lines of motors without encoders: each motor turns alone at some duties in both senses, and the swing of the robot
+//! says how fast.
+
+use super::error::RecordError;
+use super::stream;
+use crate::link::Link;
+use protocol::units::{CentiRpm, Micros};
+use protocol::{Command, Fault, Reply, SetPoint, Settings, TICK_HZ, Telemetry};
+use std::sync::atomic::AtomicBool;
+use study::attitude::{Columns, Euler, Unwrap, rotation};
+use study::plan::line::{Line, LinePoint, Lines};
+use study::swing::{NO_LINE, speed_alone};
+
+/// Duties at first, and how often the lowest one at which a motor turns is then halved towards the highest one at which it stands:
+/// the line is steep where it begins.
+const DUTIES: [u8; 5] = [60, 75, 95, 130, 200];
+/// How many of them come first: a motor that stands at all of them is not tried at the last, which its winding would not bear.
+const SAFE: usize = 4;
+const HALVINGS: u32 = 2;
+
+/// Time until the motion at a duty has settled, and the time that is measured, s.
+const SETTLING_S: u32 = 6;
+const MEASURED_S: u32 = 13;
+
+/// Time for the request that starts a schedule, µs.
+const LEAD_US: u32 = 200_000;
+
+/// The board takes this as the speed at full duty, rpm, for the heat of a motor; what turns faster is cooler.
+const AT_FULL_RPM: f64 = 130.0;
+
+/// The lines of a board, and the motors whose positive duty turns them clockwise, so that their leads are reversed.
+#[derive(Clone, PartialEq, Debug)]
+pub struct MeasuredLines {
+    /// The lines, in the right senses.
+    pub lines: Lines,
+    /// Whether motors 1 and 2 turn backwards at a positive duty.
+    pub turns_back: [bool; 2],
+}
+
+impl MeasuredLines {
+    /// Returns settings by which a positive speed turns each motor forwards.
+    pub fn corrected(&self, mut settings: Settings) -> Settings {
+        for (reversed, turns_back) in settings.motor_reversed.iter_mut().zip(self.turns_back) {
+            *reversed ^= turns_back;
+        }
+        settings
+    }
+}
+
+/// Measures the lines of both motors; `progress` receives a description of each step before it starts.
+///
+/// # Errors
+/// [`RecordError`]: [`RecordError::NoSwing`] if the swing does not tell a speed.
+pub fn measure(
+    link: &Link,
+    interrupted: &AtomicBool,
+    mut progress: impl FnMut(&str),
+) -> Result<MeasuredLines, RecordError> {
+    let mut result = MeasuredLines { lines: Lines::default(), turns_back: [false; 2] };
+    link.clear_fault()?;
+    link.command(Command::Stream { rate_hz: TICK_HZ })?;
+    let mut half = |motor: usize, sense: i16| {
+        let which = if sense > 0 { "forwards" } else { "backwards" };
+        let done = 2 * motor as u32 + u32::from(sense < 0);
+        let left_s = (4 - done) * (DUTIES.len() as u32 + HALVINGS) * (SETTLING_S + MEASURED_S);
+        progress(&format!("measuring motor {} {which}; {} minutes left", motor + 1, left_s.div_ceil(60)));
+        Half { link, interrupted, motor, sense }.measure()
+    };
+    let mut measure = || -> Result<(), RecordError> {
+        for motor in 0..2 {
+            let ((forwards, supply_v), (backwards, _)) = (half(motor, 1)?, half(motor, -1)?);
+            result.lines.supply_v = supply_v;
+            result.turns_back[motor] = senses(motor, &forwards, &backwards)?;
+            let [mut forwards, mut backwards] = [forwards, backwards].map(|points| {
+                points.iter().map(|&(duty, rpm)| LinePoint { duty, speed_rpm: rpm.abs() }).collect::<Vec<_>>()
+            });
+            if result.turns_back[motor] {
+                std::mem::swap(&mut forwards, &mut backwards);
+            }
+            result.lines.motor[motor] = Line { forwards, backwards };
+        }
+        Ok(())
+    };
+    let measured = measure();
+    link.command(Command::Stop)?;
+    stream::end(link)?;
+    measured.map(|()| result)
+}
+
+/// A motor that turns alone in a sense.
+struct Half<'a> {
+    link: &'a Link,
+    interrupted: &'a AtomicBool,
+    motor: usize,
+    sense: i16,
+}
+
+impl Half<'_> {
+    /// Returns duties and the speeds at them (rpm) in ascending order, from the highest duty at which it stands on; and the supply, V.
+    fn measure(&self) -> Result<(Vec<(u8, f64)>, f64), RecordError> {
+        let mut stands = 0;
+        let mut points: Vec<(u8, f64)> = Vec::new();
+        let mut supply_v = 0.0;
+        for duties in [&DUTIES[..SAFE], &DUTIES[SAFE..]] {
+            let frames = self.turn(duties)?;
+            supply_v = frames.last().map_or(0.0, |frame| frame.supply.volts());
+            for (number, &duty) in (1..).zip(duties) {
+                match self.speed(&frames, number, duty) {
+                    Ok(Some(rpm)) => points.push((duty, rpm)),
+                    // Where a motor hardly turns, it sticks now and then, and what is left of the motion before looks like no
+                    // swing.
+                    Ok(None) | Err(RecordError::NoSwing { .. }) if points.is_empty() => stands = duty,
+                    Ok(None) => return Err(self.no_swing(duty, "it stands, though it turns at a lower duty")),
+                    Err(error) => return Err(error),
+                }
+            }
+            if points.is_empty() {
+                return Err(self.no_swing(stands, "it hardly swings"));
+            }
+        }
+        let mut turns = points[0].0;
+        for _ in 0..HALVINGS {
+            let duty = stands.midpoint(turns);
+            match self.speed(&self.turn(&[duty])?, 1, duty) {
+                Ok(Some(rpm)) => {
+                    turns = duty;
+                    points.insert(0, (duty, rpm));
+                }
+                Ok(None) | Err(RecordError::NoSwing { .. }) => stands = duty,
+                Err(error) => return Err(error),
+            }
+        }
+        points.insert(0, (stands, 0.0));
+        if let Some(pair) = points.windows(2).find(|pair| pair[1].1.abs() <= pair[0].1.abs()) {
+            return Err(self.no_swing(pair[1].0, "it is not faster than at a lower duty"));
+        }
+        Ok((points, supply_v))
+    }
+
+    /// Turns the motor at these duties in a schedule of the board. Returns the frames meanwhile.
+    fn turn(&self, duties: &[u8]) -> Result<Vec<Telemetry>, RecordError> {
+        let step = (SETTLING_S + MEASURED_S) * u32::from(TICK_HZ);
+        let mut points = Vec::new();
+        for (number, &duty) in (1..).zip(duties) {
+            let mut point = SetPoint { tick: (u32::from(number) - 1) * step, phase: number, ..SetPoint::default() };
+            let rpm = (AT_FULL_RPM * f64::from(duty) / 255.0).min(CentiRpm::LIMIT.rpm());
+            point.speeds[self.motor] = CentiRpm::from_rpm(rpm * f64::from(self.sense));
+            point.duties[self.motor] = duty;
+            points.push(point);
+        }
+        let last = duties.len() as u8;
+        points.push(SetPoint { tick: u32::from(last) * step, phase: last + 1, ..SetPoint::default() });
+        for (index, point) in (0..).zip(&points) {
+            self.link.command(Command::SetPoint { index, point: *point })?;
+        }
+        let now = match self.link.ask(Command::Ping)? {
+            Reply::Pong(now) => now,
+            other => return Err(self.link.wrong_answer(&Command::Ping, &other).into()),
+        };
+        self.link.command(Command::StartSchedule { count: last + 1, at: Micros(now.0.wrapping_add(LEAD_US)) })?;
+        let mut frames: Vec<Telemetry> = Vec::new();
+        loop {
+            let frame = stream::next_frame(self.link, self.interrupted)?;
+            match frame.phase {
+                _ if frame.fault != Fault::None => return Err(RecordError::Faulted(frame.fault)),
+                // Until it begins, the board reports the last phase of the schedule before.
+                phase if phase != 1 && frames.is_empty() => {}
+                phase if (1..=last).contains(&phase) => frames.push(frame),
+                _ => return Ok(frames),
+            }
+        }
+    }
+
+    /// Returns the speed in a phase of these frames, rpm; `None` if the motor stands.
+    fn speed(&self, frames: &[Telemetry], phase: u8, duty: u8) -> Result<Option<f64>, RecordError> {
+        let mut angles = Columns::<3>::default();
+        let mut unwrap = Unwrap::default();
+        let mut began = None;
+        for frame in frames.iter().filter(|frame| frame.phase == phase) {
+            let time_s = f64::from(frame.time.since(*began.get_or_insert(frame.time))) * 1e-6;
+            let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation(frame.attitude.to_f64()));
+            angles.push(time_s, [unwrap.next(yaw_deg), pitch_deg, roll_deg]);
+        }
+        let end_s = angles.time_s.last().copied().unwrap_or_default();
+        match speed_alone(&angles, f64::from(SETTLING_S)..end_s) {
+            Ok((rpm, _)) => Ok(Some(rpm)),
+            Err(NO_LINE) => Ok(None),
+            Err(reason) => Err(self.no_swing(duty, reason)),
+        }
+    }
+
+    fn no_swing(&self, duty: u8, reason: &'static str) -> RecordError {
+        RecordError::NoSwing { motor: self.motor + 1, duty, reason }
+    }
+}
+
+/// Returns whether a motor turns backwards at a positive duty, as most of its points say.
+fn senses(motor: usize, forwards: &[(u8, f64)], backwards: &[(u8, f64)]) -> Result<bool, RecordError> {
+    let sum = |points: &[(u8, f64)]| points.iter().skip(1).map(|(_, rpm)| rpm.signum()).sum::<f64>();
+    let most = (forwards.len() + backwards.len()) as f64 / 2.0 - 1.0;
+    match sum(forwards) - sum(backwards) {
+        ahead if ahead >= most => Ok(false),
+        ahead if ahead <= -most => Ok(true),
+        _ => {
+            let reason = "it does not turn in opposite senses at opposite duties";
+            Err(RecordError::NoSwing { motor: motor + 1, duty: DUTIES[DUTIES.len() - 1], reason })
+        }
+    }
+}
