@@ -23,6 +23,9 @@ pub struct Args {
     /// Test the motors of the emulated board.
     #[arg(long = "virtual", requires = "motors", conflicts_with = "port")]
     pub r#virtual: bool,
+    /// The emulated rig: `encoders`, `duty`, `in-in` or `duty-in-in`.
+    #[arg(long, value_name = "RIG", requires = "virtual", default_value = "encoders")]
+    pub rig: String,
     /// Simulate a fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
     pub faults: Vec<String>,

@@ -8,12 +8,13 @@ use crate::commands::answer::{Answer, Outcome};
 use crate::commands::ask::ask;
 use crate::commands::{settings, virtual_board};
 use crate::link::{Link, LinkError};
+use crate::plan::line::LinePoint;
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
-use crate::run::rig::{GLITCHES_ALLOWED, RecordError, fault_cure, fault_text, preflight};
+use crate::run::rig::{self, GLITCHES_ALLOWED, RecordError, fault_cure, fault_text, preflight};
 use crate::signals::interruption;
-use protocol::{Command, MAX_DRIVE_MS, Settings};
+use protocol::{Bridge, Command, MAX_DRIVE_MS, Settings, SpeedFrom};
 use serde_json::json;
 use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
@@ -40,7 +41,7 @@ pub(super) fn run(args: &Args) -> miette::Result<Answer> {
     let interrupted = interruption()?;
     let nano = match args.r#virtual {
         true => {
-            let arguments = ["--speed", "max", "--robot", PUBLISHED].map(Into::into).into();
+            let arguments = ["--speed", "max", "--robot", PUBLISHED, "--rig", &args.rig].map(Into::into).into();
             Some(virtual_board::start(arguments, &args.faults)?)
         }
         false => None,
@@ -83,6 +84,14 @@ fn test(
     let settings = settings::read(&link)?;
     preflight::supply(&link, interrupted)?;
     let mut board = Board { link: &link, interrupted };
+    if let Some(motor) = self_test::turns_at_idle(&mut board, &settings)? {
+        checks.push(wrong_bridge(motor, settings.bridge));
+        return Ok(checks);
+    }
+    if settings.speed_from == SpeedFrom::Duty {
+        checks.extend(lines(args, &link, copies, settings, interrupted)?);
+        return Ok(checks);
+    }
     let mut tests = self_test::run(&mut board, &settings, |what| colour::eprint(&format!("{what}\n")))?;
     let mut wanted = settings;
     let mut assumed = false;
@@ -114,6 +123,51 @@ fn test(
     }
     if tests.iter().all(|test| test.finding.is_usable()) {
         checks.extend(save(args, &link, copies, (settings, wanted), interrupted)?);
+    }
+    Ok(checks)
+}
+
+/// Returns the check of a bridge with a motor that turns where none may.
+fn wrong_bridge(motor: usize, set: Bridge) -> Check {
+    let [set, other] = match set {
+        Bridge::Enable => ["enable", "in-in"],
+        Bridge::InIn => ["in-in", "enable"],
+    };
+    let detail = format!("motor {} turns at a duty of {} of 255, at which none may", motor + 1, self_test::IDLE_DUTY);
+    let cure = format!(
+        "the board is set to bridge = \"{set}\": if its bridge is of the other kind, write bridge = \"{other}\" with `biflag \
+         settings --write`; otherwise check the wires of {} and {}",
+        WAY_PINS[motor][0], WAY_PINS[motor][1]
+    );
+    check("bridge".into(), Err((detail, cure)))
+}
+
+/// Measures the lines of motors without encoders, and saves what follows from them.
+fn lines(
+    args: &Args,
+    link: &Link,
+    copies: Option<&BoardCopies>,
+    settings: Settings,
+    interrupted: &AtomicBool,
+) -> Result<Vec<Check>, RecordError> {
+    let measured = rig::lines::measure(link, interrupted, |what| colour::eprint(&format!("{what}\n")))?;
+    let (lines, wanted) = (&measured.lines, measured.corrected(settings));
+    let mut checks = Vec::new();
+    for (motor, line) in lines.motor.iter().enumerate() {
+        let half = |points: &[LinePoint]| {
+            let all = points.iter().map(|point| format!("{:.1} at {}", point.speed_rpm, point.duty));
+            all.collect::<Vec<_>>().join(", ")
+        };
+        let detail = format!("rpm at a duty, forwards: {}; backwards: {}", half(&line.forwards), half(&line.backwards));
+        checks.push(check(format!("motor {}", motor + 1), Ok(detail)));
+    }
+    checks.extend(save(args, link, copies, (settings, wanted), interrupted)?);
+    if let Some(copies) = copies {
+        let board_id = settings::read(link)?.board_id;
+        let kept = copies.keep_lines(board_id, lines).map_err(|error| {
+            (format!("not kept: {error}"), "make room for the user's settings, then test again".to_owned())
+        });
+        checks.push(check("lines".into(), kept.map(|()| format!("kept for board {board_id}"))));
     }
     Ok(checks)
 }
@@ -191,7 +245,11 @@ fn judge(motor: usize, test: &MotorTest) -> super::check::Finding {
         ),
         Finding::EdgesDead => wrong(
             "it turns, as the gyroscope shows, but its encoder has no edges: channel C1 is dead",
-            format!("check the encoder's supply, and the wire from its C1 to {}", EDGE_PINS[motor]),
+            format!(
+                "check the encoder's supply, and the wire from its C1 to {}; if it has no encoder, write speed_from = \"duty\" with \
+                 `biflag settings --write`",
+                EDGE_PINS[motor]
+            ),
         ),
         Finding::Still => wrong(
             "no edge of its encoder at any duty",

@@ -8,21 +8,25 @@ use super::findings::finding_line;
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
 use super::{board_sensor, plan, settings, virtual_board};
+use crate::colour;
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
-use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
+use crate::plan::line::Lines;
+use crate::plan::{EXAMPLE, Plan, Schedule, Trial, board, robot};
 use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, park, preflight};
+use crate::run::rig::{
+    self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, lines, park, preflight,
+};
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
 use crate::text;
 use crate::trial::{LogFinding, Want};
 use biflag_log::{BoardMeta, Origin};
-use protocol::Command;
 use protocol::units::CentiRpm;
+use protocol::{Command, SpeedFrom};
 use row::RecordedTrial;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -71,6 +75,9 @@ pub struct Args {
     /// Speed of the emulated board relative to real time: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
+    /// The emulated rig: `encoders`, or one without them or with another bridge: `duty`, `in-in`, `duty-in-in`.
+    #[arg(long, value_name = "RIG", requires = "virtual", default_value = "encoders")]
+    rig: String,
     #[command(flatten)]
     sensor: SensorArgs,
     /// Simulate a fault of the emulated board, from its start or from a second of its clock, such as `blocked=2@30`;
@@ -120,7 +127,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
-    let Connected { link, mut player, robot, notes } = match connect(args, &mut plan, &interrupted) {
+    let Connected { link, mut player, robot, lines, notes } = match connect(args, &mut plan, &interrupted) {
         Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
             return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted");
         }
@@ -156,7 +163,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     viewers.session(&recorded.trials, todo.first());
     viewers.open().iter().for_each(|line| progress.line(line));
     let (link, session, plan, viewers) = (&link, &session, &plan, &viewers);
-    let rig = Rig { link, interrupted: &interrupted, robot: robot.as_ref(), session, plan, origin, viewers };
+    let (robot, lines) = (robot.as_ref(), lines.as_ref());
+    let rig = Rig { link, interrupted: &interrupted, robot, lines, session, plan, origin, viewers };
     let ended = rig.record(&todo, player.as_mut(), &mut recorded, &mut progress);
     let outcome = match &ended {
         Ok(true) => outcome,
@@ -189,6 +197,7 @@ struct Connected {
     link: Link,
     player: Option<VirtualNano>,
     robot: Option<SimulatedRobot>,
+    lines: Option<Lines>,
     notes: Vec<String>,
 }
 
@@ -204,21 +213,48 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
     let note_of_copy = if args.r#virtual.is_some() { None } else { check_settings(&link)? };
     prepare(&link, plan)?;
     let note_of_sensor = board_sensor::complete(plan, &link)?;
-    if args.r#virtual.is_some() {
+    let lines = lines(args, plan, &link, interrupted)?;
+    if args.r#virtual.is_some() && lines.is_none() {
         // Its flagella stand at their marks when it gets power.
         link.command(Command::Align)?;
     }
     if plan.has_phases() {
         park::known(&link)?;
     }
-    Ok(Connected { link, player, robot, notes: note_of_copy.into_iter().chain(note_of_sensor).collect() })
+    let notes = note_of_copy.into_iter().chain(note_of_sensor).collect();
+    Ok(Connected { link, player, robot, lines, notes })
+}
+
+/// Returns the lines of motors without encoders. Nothing keeps those of an emulated board, so they are measured.
+fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Result<Option<Lines>, RecordError> {
+    let settings = settings::read(link)?;
+    if settings.speed_from == SpeedFrom::Encoders {
+        return Ok(None);
+    }
+    let lines = match args.r#virtual {
+        Some(_) => {
+            let measured = lines::measure(link, interrupted, |what| colour::eprint(&format!("{what}\n")))?;
+            link.command(Command::WriteSettings(measured.corrected(settings)))?;
+            measured.lines
+        }
+        None => {
+            BoardCopies::of_user().and_then(|copies| copies.lines(settings.board_id)).ok_or(RecordError::NoLines)?
+        }
+    };
+    // Before the first trial: a later one would end the session.
+    plan.trials.iter().try_for_each(|trial| Schedule::planned(trial).set_points(Some(&lines)).map(|_| ()))?;
+    Ok(Some(lines))
 }
 
 /// Returns the answer about a session of the emulated board that is complete: it needs no board, and so no firmware.
 fn complete(args: &Args, plan: &Plan, folder: &Path) -> miette::Result<Option<Answer>> {
     // What is asked of the board besides is checked against the session's.
-    let is_plain =
-        args.faults.is_empty() && args.sensor.is_default() && args.live.is_none() && !args.open && args.speed == "max";
+    let is_plain = args.faults.is_empty()
+        && args.sensor.is_default()
+        && args.live.is_none()
+        && !args.open
+        && args.speed == "max"
+        && args.rig == "encoders";
     if !args.resume || !is_plain || args.r#virtual != Some(None) || !folder.join(MANIFEST).exists() {
         return Ok(None);
     }
@@ -305,6 +341,7 @@ struct Rig<'a> {
     link: &'a Link,
     interrupted: &'a AtomicBool,
     robot: Option<&'a SimulatedRobot>,
+    lines: Option<&'a Lines>,
     session: &'a Session,
     plan: &'a Plan,
     origin: Origin,
@@ -325,9 +362,9 @@ impl Rig<'_> {
             if self.interrupted.load(Ordering::Relaxed) {
                 return Err(RecordError::Interrupted.into());
             }
-            let Self { link, interrupted, robot, .. } = *self;
+            let Self { link, interrupted, robot, lines, .. } = *self;
             let mut context =
-                RunContext { link, progress, interrupted, tap: None, player: player.as_deref_mut(), robot };
+                RunContext { link, progress, interrupted, tap: None, player: player.as_deref_mut(), robot, lines };
             let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
             check_trial(&context, &recorded.session, rest_s)?;
             park_for(&context, trial)?;
@@ -423,7 +460,7 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
-    let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
+    let mut arguments: Vec<_> = ["--speed", &args.speed, "--rig", &args.rig].map(Into::into).into();
     arguments.extend(args.sensor.arguments(plan.seed));
     let robot_file;
     match imu {

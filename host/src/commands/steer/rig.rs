@@ -12,7 +12,7 @@ use crate::run::rig::{self, RecordError, RunContext, SimulatedRobot, VirtualNano
 use crate::session::{Session, Sharing};
 use biflag_log::{BoardMeta, Origin, SteerMeta};
 use miette::{Diagnostic, Report};
-use protocol::Command;
+use protocol::{Command, SpeedFrom};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
@@ -43,6 +43,12 @@ pub fn steer(
     }
     link.command(Command::Stop)?;
     let mut plan = plan.clone();
+    if settings::read(&link)?.speed_from == SpeedFrom::Duty {
+        return Err(miette::miette!(
+            help = "`biflag record` runs constant speeds on it; steering needs motors whose speeds the board keeps",
+            "the motors of this board have no encoders (speed_from = \"duty\")"
+        ));
+    }
     let note_of_sensor = board_sensor::complete(&mut plan, &link)?;
     let plan = &plan;
     let session = Session::create(folder, plan)?;
@@ -65,8 +71,15 @@ pub fn steer(
     progress.line(&format!(
         "the yaw comes from the gyroscope: after {run_s} s it may be off by {error}; rest alone shows its drift"
     ));
-    let mut context =
-        RunContext { link: &link, progress: &progress, interrupted, tap: None, player: None, robot: robot.as_ref() };
+    let mut context = RunContext {
+        link: &link,
+        progress: &progress,
+        interrupted,
+        tap: None,
+        player: None,
+        robot: robot.as_ref(),
+        lines: None,
+    };
     record::check_trial(&context, folder, trial.phases.total_s())?;
     let steered = rig::steer(&mut context, &path, &start, trial, settings, (steering, meta))?;
     progress.end_trial(trial.phases.total_s());
