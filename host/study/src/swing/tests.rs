@@ -7,6 +7,7 @@ use sim::params::{Robot, Tank};
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 pub(crate) const RATE_HZ: f64 = 20.0;
 const SETTLING_S: f64 = 15.0;
@@ -332,4 +333,25 @@ fn told(truths: &[Truth], way: Way, parts_s: &[Range<f64>]) -> BTreeMap<&'static
     }
     all.values_mut().for_each(|told| told.errors_rpm.sort_by(f64::total_cmp));
     all
+}
+
+#[test]
+fn speed_and_sense_of_a_motor_alone_are_told_from_noise_and_rest() {
+    let noise = |i: usize| (i as f64 * 12.9898).sin() * 43758.5453 % 1.0 * 0.002;
+    for (rpm, swing_dps) in [(31.7, 1.5), (-31.7, 1.5), (-118.4, 9.0), (12.3, 0.25), (45.0, 0.0)] {
+        let mut angles = Columns::<3>::default();
+        for i in 0..200 * 19 {
+            let time_s = i as f64 / 200.0;
+            let (turn, slow) = (TAU * rpm / 60.0 * time_s, 3.0 * (-time_s / 11.0).exp());
+            let swing_deg = swing_dps / (TAU * rpm / 60.0);
+            // wx = swing cos, wy = swing sin.
+            let (roll, pitch) = (swing_deg * turn.sin() + slow, -swing_deg * turn.cos() - slow);
+            angles.push(time_s, [20.0 + slow, pitch + noise(i), roll + noise(i + 7)]);
+        }
+        let told = speed_alone(&angles, 6.0..19.0);
+        match swing_dps > 0.0 {
+            true => assert!(told.is_ok_and(|(found, u)| (found - rpm).abs() < u && u < 1.0), "{rpm}: {told:?}"),
+            false => assert!(told.is_err(), "{told:?}"),
+        }
+    }
 }
