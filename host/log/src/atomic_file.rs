@@ -9,6 +9,8 @@ use std::fs::File;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
+use system::file::rename;
+use system::lock;
 
 /// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so links in an
 /// untrusted folder cannot redirect the write.
@@ -24,7 +26,7 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(
     write(&mut file)?;
     file.into_inner()?;
     draft.file.sync_all()?;
-    std::fs::rename(&draft.path, path)
+    rename(&draft.path, path)
 }
 
 /// Writes a new file at `path`, which must not exist.
@@ -54,7 +56,7 @@ impl Draft {
         let draft = path.with_added_extension(format!("{}.partial", random_name()));
         let file = File::options().read(true).write(true).create_new(true).open(&draft)?;
         // Protects the draft from `sweep`, which must not be called on file systems without locks.
-        let _ = file.try_lock();
+        let _ = lock::try_lock(&file);
         Ok(Self { file, path: draft })
     }
 
@@ -67,7 +69,7 @@ impl Draft {
         match std::fs::hard_link(&self.path, path) {
             // Some file systems do not support links.
             Err(error) if error.kind() != ErrorKind::AlreadyExists && path.symlink_metadata().is_err() => {
-                std::fs::rename(&self.path, path)?;
+                rename(&self.path, path)?;
             }
             other => other?,
         }
@@ -91,7 +93,7 @@ pub fn sweep(folder: &Path) {
         let path = entry.path();
         let is_left = || {
             let file = File::options().read(true).write(true).open(&path).ok()?;
-            file.try_lock().ok()
+            lock::try_lock(&file).ok()
         };
         if is_draft(&path) && entry.file_type().is_ok_and(|kind| kind.is_file()) && is_left().is_some() {
             let _ = std::fs::remove_file(&path);
@@ -179,7 +181,7 @@ mod tests {
         let page = folder.path().join("page");
         let mut drafts = [(); 9].map(|()| Draft::create(&page).unwrap());
         for (number, draft) in drafts.iter_mut().enumerate() {
-            draft.file.unlock().unwrap();
+            lock::unlock(&draft.file).unwrap();
             write!(draft.file, "{number}").unwrap();
         }
         replace(&page, |file| file.write_all(b"whole")).unwrap();

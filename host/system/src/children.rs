@@ -1,15 +1,12 @@
 //! Programs that this one starts.
 
-use rustix::process::{Pid, Signal, kill_process_group};
-use std::fs::File;
+use crate::own::group::{self, Group};
 use std::io::{BufRead, BufReader, Read};
-use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-/// A program and all that it starts in turn: a group of processes.
+/// A program and all that it starts in turn.
 ///
 /// Ctrl-C on the terminal does not reach it. It must end by itself with its standard input, which this program holds: so it
 /// also ends if this program is killed.
@@ -17,6 +14,7 @@ use std::time::{Duration, Instant};
 pub struct Family {
     /// The program.
     pub child: Child,
+    group: Group,
 }
 
 impl Family {
@@ -25,7 +23,8 @@ impl Family {
     /// # Errors
     /// As [`Command::spawn`].
     pub fn start(command: &mut Command) -> std::io::Result<Self> {
-        Ok(Self { child: command.process_group(0).spawn()? })
+        let (child, group) = group::start(command)?;
+        Ok(Self { child, group })
     }
 
     /// Waits for the program to exit; returns `None` if it has not by then.
@@ -46,12 +45,13 @@ impl Family {
     pub fn end(&mut self, longest: Duration) {
         if self.wait(longest).is_none() {
             // Killing only a shell would leave its children running.
-            let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
+            self.group.kill(&self.child);
             let _ = self.child.wait();
         }
     }
 
-    /// Returns whether the program only waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5).
+    /// Returns whether the program only waits for a processor (`R`) or the disk (`D`): see proc_pid_stat(5). Other
+    /// systems than Linux give `false`.
     pub fn is_held_up(&self) -> bool {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
         // The name of the program before it may contain spaces and parentheses.
@@ -76,26 +76,22 @@ pub fn lines(output: impl Read + Send + 'static, longest: u64) -> Receiver<Strin
     lines
 }
 
-/// Returns a path by which a program opens the file that is its standard output, to write at any place of it.
-pub fn output_path(_output: &File) -> PathBuf {
-    "/dev/stdout".into()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::process::Stdio;
 
     #[test]
     fn a_program_ends_with_its_children() {
+        let line = if cfg!(windows) { "start /b ping -n 1000 127.0.0.1 & pause" } else { "sleep 1000 & echo & wait" };
+        let mut command = crate::shell::command(line);
+        let mut family = Family::start(command.stdin(Stdio::piped()).stdout(Stdio::piped())).unwrap();
+        let mut output = BufReader::new(family.child.stdout.take().unwrap());
+        output.read_line(&mut String::new()).unwrap();
         let begun = Instant::now();
-        let mut family =
-            Family::start(crate::shell::command("sleep 1000 & wait").stdin(std::process::Stdio::piped())).unwrap();
-        let group = Pid::from_child(&family.child);
         family.end(Duration::from_millis(100));
-        // The processes' new parent takes a moment to reap them.
-        while rustix::process::test_kill_process_group(group).is_ok() {
-            assert!(begun.elapsed() < Duration::from_secs(10), "somebody is left");
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        // The output ends with the last of them.
+        output.read_to_end(&mut Vec::new()).unwrap();
+        assert!(begun.elapsed() < Duration::from_secs(10), "somebody was left");
     }
 }

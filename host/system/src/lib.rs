@@ -1,5 +1,5 @@
 //! What the operating system gives, beyond the standard library. No other crate asks it, so that another system is another
-//! body of these functions. Linux has all of them.
+//! body of these functions. Linux and Windows have all of them.
 //!
 //! | module | answers | on other systems of POSIX |
 //! | --- | --- | --- |
@@ -8,19 +8,20 @@
 //! | [`shell`] | how a user's command runs, and is shown | yes |
 //! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | not yet |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
-//! | [`disk`], [`mod@file`], [`folders`], [`clock`] | free room, equal files, the user's settings, a thread's time | yes |
+//! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that keep no reader away | yes |
+//! | [`folders`], [`clock`] | the user's settings, a thread's time | yes |
 
 pub mod children;
-pub mod claim;
-pub mod clock;
-pub mod disk;
-pub mod file;
-pub mod folders;
 pub mod meddlers;
 pub mod network;
-pub mod port;
 pub mod shell;
 pub mod signals;
+
+#[cfg_attr(unix, path = "unix/mod.rs")]
+#[cfg_attr(windows, path = "windows/mod.rs")]
+mod own;
+
+pub use own::{claim, clock, disk, file, folders, lock, port};
 
 #[cfg(test)]
 mod tests {

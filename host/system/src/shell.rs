@@ -1,16 +1,11 @@
 //! Commands of the shell: run, and shown.
 
-use std::process::Command;
+pub use crate::own::shell::{command, quoted};
 
-/// Returns the shell that runs a user's command.
-pub fn command(line: &str) -> Command {
-    let mut shell = Command::new("sh");
-    shell.args(["-c", line]);
-    shell
-}
+use std::path::Path;
 
-/// Quotes text for a shell, unless it is a plain word.
-pub fn quoted(text: &str) -> String {
+/// Quotes text for a shell of Unix, on any system, unless it is a plain word.
+pub fn quoted_for_sh(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {
         return text.to_owned();
@@ -22,11 +17,11 @@ pub fn quoted(text: &str) -> String {
 pub fn command_line() -> String {
     let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_default();
-    let program = program.rsplit_once('/').map_or(program.as_str(), |(_, name)| name).to_owned();
+    let program = Path::new(&program).file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     std::iter::once(program).chain(words).map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
 

@@ -1,11 +1,12 @@
 //! Signals: interruption by the user, and limits on the size of files.
 
+#[cfg(unix)]
+pub use crate::own::presses::is_ignored;
+pub use crate::own::presses::survive_file_limits;
+
+use crate::own::presses;
 use miette::{IntoDiagnostic, WrapErr};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-use signal_hook::{flag, low_level};
-use std::ffi::c_int;
-use std::io::{self, Read, Write};
-use std::os::unix::net::UnixStream;
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, OnceLock};
@@ -35,39 +36,21 @@ pub fn is_interrupted() -> bool {
 /// The program then closes its files, which takes for ever on a disk that hangs: a second Ctrl-C, half a second later or
 /// more, ends it at once.
 ///
-/// A signal that was ignored when the program started stays ignored: `nohup` and shells ask for this, so that jobs in the
-/// background survive the end of the terminal and a Ctrl-C for the job in front.
+/// On Unix, a signal that was ignored when the program started stays ignored.
 ///
 /// # Errors
 /// If the system does not allow the program to handle a signal.
 pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
     let interrupted = Arc::clone(FLAG.get_or_init(Arc::default));
-    let hears_ctrl_c = !is_ignored(SIGINT);
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        if !is_ignored(signal) {
-            flag::register(signal, Arc::clone(&interrupted)).into_diagnostic().wrap_err("Ctrl-C")?;
+    let mut first: Option<Instant> = None;
+    let pressed = move || {
+        if first.get_or_insert_with(Instant::now).elapsed() > SAME {
+            say_what_is_lost();
+            presses::end(INTERRUPTED);
         }
-    }
-    if hears_ctrl_c {
-        end_at_second().into_diagnostic().wrap_err("Ctrl-C")?;
-    }
+    };
+    presses::hear(&interrupted, pressed).into_diagnostic().wrap_err("Ctrl-C")?;
     Ok(interrupted)
-}
-
-/// Ends the program at the second Ctrl-C.
-fn end_at_second() -> io::Result<()> {
-    let (mut presses, signals) = UnixStream::pair()?;
-    low_level::pipe::register(SIGINT, signals)?;
-    thread::Builder::new().name("Ctrl-C".into()).spawn(move || {
-        let mut first: Option<Instant> = None;
-        while let Ok(1..) = presses.read(&mut [0; 16]) {
-            if first.get_or_insert_with(Instant::now).elapsed() > SAME {
-                say_what_is_lost();
-                low_level::exit(INTERRUPTED.into());
-            }
-        }
-    })?;
-    Ok(())
 }
 
 /// Prints the program's last words, from a thread of their own.
@@ -82,18 +65,4 @@ fn say_what_is_lost() {
         let _ = said.send(());
     });
     let _ = is_said.recv_timeout(LAST_WORDS);
-}
-
-/// Makes a write beyond the limit on the size of files (`ulimit -f`) an error instead of the end of the program.
-pub fn survive_file_limits() {
-    // Where the signal cannot be handled, the program ends as before. Nobody reads the flag: the write itself fails.
-    let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
-}
-
-/// Returns whether this program ignores a signal, as it may have been started to. It is known on Linux only; other systems
-/// give `false`.
-pub fn is_ignored(signal: c_int) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|set| set & 1 << (signal - 1) != 0)
 }

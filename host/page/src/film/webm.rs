@@ -5,7 +5,7 @@ use super::{FRAME_S, Frames};
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::process::{Child, Command, Stdio};
-use system::children::output_path;
+use system::file::output_path;
 
 /// The program that encodes.
 pub(super) const ENCODER: &str = "ffmpeg";
@@ -53,7 +53,7 @@ fn start([width, height]: [u16; 2], file: &File) -> io::Result<Child> {
             "-cpu-used",
             "4",
         ])
-        .args(["-f", "webm", "-y", &format!("file:{}", output_path(file).display())])
+        .args(["-f", "webm", "-y", &format!("file:{}", output_path(file)?.display())])
         .stdin(Stdio::piped())
         .stdout(file.try_clone()?)
         .stderr(Stdio::piped())

@@ -72,6 +72,8 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
     probe(path)?;
     let port = serialport::new(path, protocol::BAUD)
         .timeout(READ_TIMEOUT)
+        // It resets the board. Linux does so by itself, and a pseudo-terminal has no such line.
+        .dtr_on_open(true)
         .open()
         .map_err(|error| classify(path, error.into()))?;
     // An answer to an earlier program must not be taken for the answer to the first request.

@@ -36,7 +36,8 @@ impl BoardCopies {
     /// Returns the ids of the boards that have a copy, in ascending order.
     pub fn ids(&self) -> Vec<u16> {
         let names = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
-        let mut ids: Vec<u16> = names.filter_map(|name| name.to_str()?.strip_suffix(".toml")?.parse().ok()).collect();
+        let mut ids: Vec<_> =
+            names.filter_map(|name| name.to_str()?.strip_suffix(".toml")?.parse::<u16>().ok()).collect();
         ids.sort_unstable();
         ids
     }

@@ -5,6 +5,7 @@ use biflag_log::atomic_file;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::time::Duration;
+use system::lock;
 
 /// End of the name of a log while a simulation writes it.
 pub const UNFINISHED: &str = ".mcap.unfinished";
@@ -30,7 +31,7 @@ pub struct Lock {
 pub fn is_in_use(folder: &Path) -> bool {
     // Two programs that ask at once share the lock.
     File::open(folder.join(MANIFEST))
-        .is_ok_and(|manifest| matches!(manifest.try_lock_shared(), Err(TryLockError::WouldBlock)))
+        .is_ok_and(|manifest| matches!(lock::try_lock_shared(&manifest), Err(TryLockError::WouldBlock)))
 }
 
 impl Session {
@@ -47,8 +48,8 @@ impl Session {
             .open(&path)
             .map_err(|source| SessionError::Io { path: path.clone(), source })?;
         let try_lock = || match sharing {
-            Sharing::Alone => manifest.try_lock(),
-            Sharing::WithShards => manifest.try_lock_shared(),
+            Sharing::Alone => lock::try_lock(&manifest),
+            Sharing::WithShards => lock::try_lock_shared(&manifest),
         };
         let mut locked = try_lock();
         if matches!(locked, Err(TryLockError::WouldBlock)) {

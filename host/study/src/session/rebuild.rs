@@ -73,7 +73,7 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
     let manifest = folder.join(MANIFEST);
     let kept = damaged.then(|| manifest.with_added_extension("damaged"));
     if let Some(kept) = &kept {
-        std::fs::rename(&manifest, kept).map_err(|source| SessionError::Io { path: manifest, source })?;
+        system::file::rename(&manifest, kept).map_err(|source| SessionError::Io { path: manifest, source })?;
     }
     // The session began with its first log.
     let mut manifest = Manifest::new(&plan);

@@ -19,6 +19,8 @@ use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
 use std::io::{BufReader, Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
+use system::file::rename;
+use system::lock;
 
 /// The first bytes of a part: its kind, and the version of its format.
 const MAGIC: [u8; 8] = *b"BIFLAGS4";
@@ -65,9 +67,9 @@ impl PartWriter {
     /// The file cannot be written.
     pub fn create(folder: &Path) -> Result<Self> {
         let path = folder.join(format!("part-{}.{OPEN}", random_name()));
-        let mut file = File::options().append(true).create_new(true).open(&path)?;
-        // For `is_active`. Not every file system supports locks.
-        let _ = file.try_lock();
+        let mut file = File::options().read(true).append(true).create_new(true).open(&path)?;
+        // For `rate`. Not every file system supports locks.
+        let _ = lock::try_lock(&file);
         file.write_all(&MAGIC)?;
         file.sync_all()?;
         let started = seconds(file.metadata()?.modified()?);
@@ -109,7 +111,7 @@ impl PartWriter {
         }
         self.write(&Entry::Ended(self.points))?;
         self.file.sync_all()?;
-        std::fs::rename(&self.path, self.path.with_extension(CLOSED))
+        rename(&self.path, &self.path.with_extension(CLOSED))
     }
 
     fn write(&mut self, entry: &Entry) -> Result<()> {
@@ -219,10 +221,10 @@ impl PartReader {
         if self.closed || self.points == 0 {
             return Ok(None);
         }
-        let is_locked = match file.try_lock_shared() {
+        let is_locked = match lock::try_lock_shared(file) {
             Err(TryLockError::WouldBlock) => Some(true),
             Ok(()) => {
-                file.unlock()?;
+                lock::unlock(file)?;
                 (self.origin.host == Origin::here().host).then_some(false)
             }
             Err(TryLockError::Error(_)) => None,
@@ -355,7 +357,7 @@ mod tests {
         let at = |seconds: f64| UNIX_EPOCH + Duration::from_secs_f64(started + seconds);
         writer.file.set_modified(at(60.0)).unwrap();
         assert_eq!(rate(&path, now_s), Some(0.5), "locked");
-        writer.file.unlock().unwrap();
+        lock::unlock(&writer.file).unwrap();
         assert_eq!(rate(&path, started + 61.0), None, "killed");
         // On another computer a lock may not be visible.
         writer.push_from(&Origin { host: "elsewhere".to_owned(), ..Origin::default() }, record(30)).unwrap();

@@ -1,7 +1,7 @@
 //! The script that runs a sweep's shards on a cluster with Slurm.
 
 use std::path::Path;
-use system::shell::quoted;
+use system::shell::quoted_for_sh as quoted;
 
 /// Returns a shell script that submits a job array over the shards and, after it, the merge.
 ///

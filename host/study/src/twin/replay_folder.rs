@@ -65,5 +65,5 @@ fn free_number(older: &Path, trial: &Trial) -> Result<u32, SessionError> {
 }
 
 fn rename(from: &Path, to: &Path) -> Result<(), SessionError> {
-    std::fs::rename(from, to).map_err(|source| SessionError::Io { path: from.to_owned(), source })
+    system::file::rename(from, to).map_err(|source| SessionError::Io { path: from.to_owned(), source })
 }

@@ -125,7 +125,7 @@ impl<'a> Batch<'a> {
 
 /// Gives a finished log its name, and syncs the folder.
 fn put_in_place(unfinished: &Path, log: &Path) -> Result<(), ModelError> {
-    std::fs::rename(unfinished, log).map_err(|source| ModelError::Place { path: log.to_owned(), source })?;
+    system::file::rename(unfinished, log).map_err(|source| ModelError::Place { path: log.to_owned(), source })?;
     sync_folder_of(log);
     Ok(())
 }

@@ -1,0 +1,27 @@
+//! Room on a disk.
+
+use std::os::windows::ffi::OsStrExt;
+use std::path::{Path, absolute};
+use std::ptr::null_mut;
+use windows_sys::Win32::Storage::FileSystem::GetDiskFreeSpaceExW;
+
+/// Returns the bytes that this user may still write on the disk of a folder, if the system knows.
+pub fn free_bytes(folder: &Path) -> Option<f64> {
+    let name: Vec<u16> = absolute(folder).ok()?.as_os_str().encode_wide().chain([0]).collect();
+    let mut free = 0;
+    // SAFETY: the name ends with a zero, and null is allowed for the numbers that nobody asks for.
+    let is_known = unsafe { GetDiskFreeSpaceExW(name.as_ptr(), &mut free, null_mut(), null_mut()) };
+    (is_known != 0).then_some(free as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_disk_of_a_folder_has_room() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(free_bytes(folder.path()).unwrap() > 1e6);
+        assert_eq!(free_bytes(&folder.path().join("missing")), None);
+    }
+}

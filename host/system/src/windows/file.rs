@@ -1,0 +1,97 @@
+//! The identity of a file, and its name.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{Error, ErrorKind, Result};
+use std::mem::zeroed;
+use std::os::windows::ffi::OsStringExt;
+use std::os::windows::fs::OpenOptionsExt;
+use std::os::windows::io::AsRawHandle;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use windows_sys::Win32::Foundation::ERROR_SHARING_VIOLATION;
+use windows_sys::Win32::Storage::FileSystem::{
+    FILE_FLAG_BACKUP_SEMANTICS, GetFileInformationByHandle, GetFinalPathNameByHandleW,
+};
+
+/// How long a scanner of viruses or an editor may have a file open that is renamed or replaced.
+const IN_USE: Duration = Duration::from_secs(2);
+
+/// Returns whether two paths name the same file, also through links.
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((id(one), id(other)), (Some(one), Some(other)) if one == other)
+}
+
+fn id(path: &Path) -> Option<[u32; 3]> {
+    // Folders open with this flag only.
+    let file = OpenOptions::new().access_mode(0).custom_flags(FILE_FLAG_BACKUP_SEMANTICS).open(path).ok()?;
+    // SAFETY: it consists of integers.
+    let mut found = unsafe { zeroed() };
+    // SAFETY: the file is open, and the pointer is valid.
+    let is_known = unsafe { GetFileInformationByHandle(file.as_raw_handle(), &mut found) } != 0;
+    is_known.then_some([found.dwVolumeSerialNumber, found.nFileIndexHigh, found.nFileIndexLow])
+}
+
+/// Renames a file, in place of another. Another program that has one of them open keeps it from that for a moment.
+///
+/// # Errors
+/// As [`fs::rename`].
+pub fn rename(from: &Path, to: &Path) -> Result<()> {
+    let begun = Instant::now();
+    loop {
+        match fs::rename(from, to) {
+            Err(error) if is_in_use(&error) && !to.is_dir() && begun.elapsed() < IN_USE => {
+                std::thread::sleep(IN_USE / 100);
+            }
+            result => return result,
+        }
+    }
+}
+
+fn is_in_use(error: &Error) -> bool {
+    error.kind() == ErrorKind::PermissionDenied || error.raw_os_error() == Some(ERROR_SHARING_VIOLATION as i32)
+}
+
+/// Returns a path by which a program opens the file that is its standard output, to write at any place of it.
+///
+/// # Errors
+/// The system does not know the path.
+pub fn output_path(output: &File) -> Result<PathBuf> {
+    let mut path = vec![0; 32_768];
+    // SAFETY: the file is open, and the buffer is as long as said.
+    let length = unsafe { GetFinalPathNameByHandleW(output.as_raw_handle(), path.as_mut_ptr(), path.len() as u32, 0) };
+    path.truncate(length as usize);
+    if length == 0 { Err(Error::last_os_error()) } else { Ok(OsString::from_wide(&path).into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_the_same_under_another_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, link, other] = ["one", "link", "other"].map(|name| folder.path().join(name));
+        fs::write(&one, "").unwrap();
+        fs::write(&other, "").unwrap();
+        fs::hard_link(&one, &link).unwrap();
+        assert!(is_same(&one, &link) && is_same(folder.path(), &folder.path().join(".")));
+        assert!(!is_same(&one, &other) && !is_same(&one, &folder.path().join("missing")));
+    }
+
+    #[test]
+    fn a_file_that_another_program_reads_is_replaced_when_it_is_done() {
+        let folder = tempfile::tempdir().unwrap();
+        let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
+        fs::write(&old, "old").unwrap();
+        fs::write(&new, "new").unwrap();
+        // As most programs open files: nobody may remove it meanwhile.
+        let reader = OpenOptions::new().read(true).share_mode(1).open(&old).unwrap();
+        let reads = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(300));
+            drop(reader);
+        });
+        rename(&new, &old).unwrap();
+        assert!(reads.is_finished() && fs::read_to_string(&old).unwrap() == "new");
+    }
+}

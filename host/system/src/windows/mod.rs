@@ -1,0 +1,23 @@
+//! What Windows answers otherwise than Unix.
+
+pub mod claim;
+pub mod clock;
+pub mod disk;
+pub mod file;
+pub mod folders;
+pub mod group;
+pub mod lock;
+pub mod network;
+pub mod port;
+pub mod presses;
+pub mod shell;
+
+/// Returns text as the system wants it: in UTF-16, with a zero at the end.
+fn wide(text: &str) -> Vec<u16> {
+    text.encode_utf16().chain([0]).collect()
+}
+
+/// Returns the name of a device without its prefix, which it may have: `\\.\COM5`.
+fn device_name(path: &str) -> &str {
+    path.strip_prefix(r"\\.\").unwrap_or(path)
+}
