@@ -62,13 +62,14 @@ const INVALID_VALUE: &str = "invalid value";
 
 /// Starts the emulated board with the firmware that belongs to this program, these arguments and these faults.
 pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::Result<VirtualNano> {
+    let program = VirtualNano::program()?;
     let image = image::of_program()?;
     arguments.extend(["--firmware".into(), image.elf.clone().into_os_string()]);
     arguments.extend(["--patience".into(), PATIENCE_S.into()]);
     for fault in faults {
         arguments.extend(["--fault".into(), fault.into()]);
     }
-    VirtualNano::start(&VirtualNano::program()?, arguments).map_err(|error| match error {
+    VirtualNano::start(&program, arguments).map_err(|error| match error {
         // The board's program checks the values of its own options.
         VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {
             let problem = reason.lines().next().unwrap_or_default();

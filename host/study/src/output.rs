@@ -5,7 +5,7 @@ use biflag_log::atomic_file::{self, Draft, folder_of};
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 use thiserror::Error;
 
 /// Why a file is not written.
@@ -66,7 +66,8 @@ pub fn has_ending(path: &Path) -> bool {
 
 /// Refuses a path that cannot become a file.
 fn check_name(path: &Path) -> Result<(), OutputError> {
-    let is_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/") || path.file_name().is_none() || path.is_dir();
+    let ends_as_folder = path.as_os_str().as_encoded_bytes().last().is_some_and(|byte| is_separator(char::from(*byte)));
+    let is_folder = ends_as_folder || path.file_name().is_none() || path.is_dir();
     let refused = || OutputError::Folder { path: path.to_owned(), reason: "it is not the name of a file".to_owned() };
     if is_folder { Err(refused()) } else { Ok(()) }
 }

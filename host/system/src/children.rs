@@ -83,7 +83,8 @@ mod tests {
 
     #[test]
     fn a_program_ends_with_its_children() {
-        let line = if cfg!(windows) { "start /b ping -n 1000 127.0.0.1 & pause" } else { "sleep 1000 & echo & wait" };
+        let line =
+            if cfg!(windows) { "start /b ping -n 1000 127.0.0.1 & echo & pause" } else { "sleep 1000 & echo & wait" };
         let mut command = crate::shell::command(line);
         let mut family = Family::start(command.stdin(Stdio::piped()).stdout(Stdio::piped())).unwrap();
         let mut output = BufReader::new(family.child.stdout.take().unwrap());

@@ -9,7 +9,7 @@
 //! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | not yet |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
 //! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that keep no reader away | yes |
-//! | [`folders`], [`clock`] | the user's settings, a thread's time | yes |
+//! | [`avrdude`], [`folders`], [`clock`] | how to flash, the user's settings, a thread's time | yes |
 
 pub mod children;
 pub mod meddlers;
@@ -21,7 +21,7 @@ pub mod signals;
 #[cfg_attr(windows, path = "windows/mod.rs")]
 mod own;
 
-pub use own::{claim, clock, disk, file, folders, lock, port};
+pub use own::{avrdude, claim, clock, disk, file, folders, lock, port};
 
 #[cfg(test)]
 mod tests {

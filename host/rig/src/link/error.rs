@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use protocol::{Refusal, VERSION};
 use std::time::Duration;
+use system::port::EXAMPLE;
 use thiserror::Error;
 
 /// A failure of the link.
@@ -115,10 +116,11 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
     }
 }
 
-/// Returns a hint about port names if `port` is the name of a Windows port.
-fn names(port: &str) -> &'static str {
-    let is_of_windows = port.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("COM"));
-    if is_of_windows { "ports are called like /dev/ttyUSB0 here; " } else { "" }
+/// Returns a hint about port names if `port` is the name of a port of Windows, and this is another system.
+fn names(port: &str) -> String {
+    let is_of_windows = |name: &str| name.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("COM"));
+    let is_foreign = is_of_windows(port) && !is_of_windows(EXAMPLE);
+    if is_foreign { format!("ports are called like {EXAMPLE} here; ") } else { String::new() }
 }
 
 fn present(available: &[String]) -> String {

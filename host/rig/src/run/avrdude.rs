@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use system::avrdude::{self, CURE};
 use system::children::lines;
 use thiserror::Error;
 
@@ -34,7 +35,7 @@ const LAST_LINES: Duration = Duration::from_secs(1);
 pub enum FlashError {
     /// avrdude is not installed.
     #[error("avrdude is not installed")]
-    #[diagnostic(help("install it with `sudo apt install avrdude`"))]
+    #[diagnostic(help("install it with `{CURE}`"))]
     NotInstalled,
     /// avrdude could not be run.
     #[error("avrdude could not be run: {0}")]
@@ -87,7 +88,7 @@ fn other_chip(said: &str) -> Option<u32> {
 /// # Errors
 /// [`FlashError`].
 pub fn flash(port: &str, elf: &Path, progress: impl FnMut(u32)) -> Result<(u32, &'static str), FlashError> {
-    flash_with(&|| Command::new("avrdude"), LIMIT, port, elf, progress)
+    flash_with(&avrdude::command, LIMIT, port, elf, progress)
 }
 
 fn flash_with(

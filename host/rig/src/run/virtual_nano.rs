@@ -32,6 +32,10 @@ const END_TIMEOUT: Duration = Duration::from_secs(5);
 #[derive(Debug, Error, Diagnostic)]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum VirtualError {
+    /// This system has no pseudo-terminals.
+    #[error("the emulated board runs on Linux only")]
+    #[diagnostic(code(wrong_use), help("run this in WSL, the Linux inside Windows, or on another computer"))]
+    NotHere,
     /// The program does not exist.
     #[error("the program of the emulated board is missing: neither {0} nor a vnano on the PATH")]
     #[diagnostic(help("build it with `make build` in the repository, or copy vnano beside biflag"))]
@@ -224,8 +228,11 @@ impl VirtualNano {
     /// Returns the path of the board's program, which is in the folder of this program or on the `PATH`.
     ///
     /// # Errors
-    /// [`VirtualError::NotBuilt`].
+    /// [`VirtualError::NotHere`] or [`VirtualError::NotBuilt`].
     pub fn program() -> Result<PathBuf, VirtualError> {
+        if !system::port::CAN_BE_EMULATED {
+            return Err(VirtualError::NotHere);
+        }
         let beside = std::env::current_exe().unwrap_or_default().with_file_name(PROGRAM);
         let search = std::env::var_os("PATH").unwrap_or_default();
         let others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));

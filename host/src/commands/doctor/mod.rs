@@ -13,7 +13,7 @@ use crate::image;
 use crate::link::{self, Link, LinkError};
 use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{ImageError, VirtualNano, repository};
+use crate::run::rig::{ImageError, VirtualError, VirtualNano, repository};
 use check::{Check, Finding, answer, check, problem};
 use serde_json::json;
 use std::path::Path;
@@ -78,10 +78,10 @@ fn toolchain(repository: &Path) -> Finding {
 }
 
 fn avrdude() -> Finding {
-    let output = Command::new("avrdude")
+    let output = system::avrdude::command()
         .arg("-?")
         .output()
-        .map_err(|_| ("not installed".to_owned(), "sudo apt install avrdude".to_owned()))?;
+        .map_err(|_| ("not installed".to_owned(), system::avrdude::CURE.to_owned()))?;
     let said = String::from_utf8_lossy(&output.stderr);
     let version = said.lines().find_map(|line| line.split_once("avrdude version ")?.1.split(',').next());
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
@@ -95,7 +95,10 @@ fn other_programs() -> Vec<Finding> {
 }
 
 fn emulated_board() -> Finding {
-    VirtualNano::program().map(|path| path.display().to_string()).map_err(problem)
+    match VirtualNano::program() {
+        Err(error @ VirtualError::NotHere) => Ok(error.to_string()),
+        found => found.map(|path| path.display().to_string()).map_err(problem),
+    }
 }
 
 fn last_line(bytes: &[u8]) -> String {

@@ -50,7 +50,7 @@ impl FileKind {
     pub fn read(&self, path: &Path) -> Result<String, PlanError> {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_FILE + 1).read_to_string(&mut text));
-        if read.as_ref().is_err_and(|error| matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory))
+        if (read.as_ref().is_err_and(|error| error.kind() == ErrorKind::NotFound) || path.is_dir())
             && let Some(file) = Shipped::find(path)
         {
             return Ok(file.text.to_owned());

@@ -1,5 +1,6 @@
 //! What Unix answers, Linux above all.
 
+pub mod avrdude;
 pub mod claim;
 pub mod clock;
 pub mod disk;

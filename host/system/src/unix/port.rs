@@ -6,6 +6,12 @@ use std::io::{ErrorKind, IsTerminal, Result};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
+/// The name of a port.
+pub const EXAMPLE: &str = "/dev/ttyUSB0";
+
+/// Whether programs can emulate ports, by pseudo-terminals.
+pub const CAN_BE_EMULATED: bool = true;
+
 /// Returns whether the system lists its ports: it does not in some containers.
 pub fn are_listed() -> bool {
     Path::new("/sys/class/tty").is_dir()

@@ -1,5 +1,6 @@
 //! What Windows answers otherwise than Unix.
 
+pub mod avrdude;
 pub mod claim;
 pub mod clock;
 pub mod disk;

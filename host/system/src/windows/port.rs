@@ -9,12 +9,18 @@ use std::os::windows::io::AsRawHandle;
 use windows_sys::Win32::Devices::Communication::GetCommState;
 use windows_sys::Win32::Foundation::{ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION};
 
+/// The name of a port.
+pub const EXAMPLE: &str = "COM5";
+
+/// Whether programs can emulate ports: it takes a driver.
+pub const CAN_BE_EMULATED: bool = false;
+
 /// Returns whether the system lists its ports.
 pub fn are_listed() -> bool {
     true
 }
 
-/// Returns whether the port belongs to a program, and not to a cable: the emulated board runs on Linux only.
+/// Returns whether the port belongs to a program, and not to a cable.
 pub fn is_emulated(_path: &str) -> bool {
     false
 }
