@@ -5,7 +5,7 @@ BIN := target/release
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build firmware python demo gallery notebooks published test proof hostile mutants lint doc book dist dist-arm64 wheel dist-test clean
+.PHONY: help setup build firmware python demo gallery notebooks published test proof hostile mutants lint doc book dist dist-arm64 dist-windows dist-windows-test wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -21,6 +21,8 @@ help:
 	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
 	@echo "make dist-arm64  the same for a Raspberry Pi: cross-built, and the model run under QEMU; some minutes"
+	@echo "make dist-windows  an archive for Windows: cross-built; some minutes"
+	@echo "make dist-windows-test  biflag.exe works under Wine, with the same results as here; some minutes"
 	@echo "make wheel     the Python package as a wheel for any Linux; some minutes"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format, lints, and the types of the Python package"
@@ -144,6 +146,14 @@ dist-arm64: build
 	@sh firmware/setup.sh arm64
 	@sh host/dist/arm64.sh
 	@sh host/dist/package.sh arm64
+
+dist-windows: export CARGO_INCREMENTAL := 0
+dist-windows: build
+	@sh firmware/setup.sh windows
+	@sh host/dist/windows.sh
+
+dist-windows-test: dist-windows
+	@sh host/dist/windows-test.sh
 
 # One wheel for every Python from 3.10 on, on any Linux with glibc 2.17: zig links it. Into target/dist.
 wheel: export CARGO_INCREMENTAL := 0

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Installs the system packages for Biflag's build, with `test` also those for its tests, with `proof` the emulator of other
-# processors, with `dist` those for its packages, with `arm64` those for its packages for arm64, and prints them first. Does nothing if all are installed.
+# processors, with `dist` those for its packages, with `arm64` those for its packages for arm64,
+# with `windows` those for its archive for Windows and the test of it, and prints them first. Does nothing if all are installed.
 set -eu
 cd "$(dirname "$0")"
 
@@ -10,6 +11,12 @@ packages="gcc g++ pkg-config gcc-avr avr-libc binutils-avr avrdude libsimavr-dev
 [ "${1:-}" != proof ] || packages="$packages qemu-user"
 [ "${1:-}" != dist ] || packages="$packages dpkg-dev debootstrap xz-utils"
 case ${1:-} in
+    windows)
+        packages="$packages gcc-mingw-w64-x86-64 zip unzip wine wine64"
+        # As for arm64: `rustup target add x86_64-pc-windows-gnu`.
+        [ -d "$(rustc --print target-libdir --target x86_64-pc-windows-gnu 2>/dev/null)" ] ||
+            packages="$packages rustc-web cargo-web rust-web-src"
+        ;;
     arm64)
         packages="$packages dpkg-dev xz-utils gcc-aarch64-linux-gnu libsimavr-dev:arm64 libelf-dev:arm64 qemu-user-static"
         # rustup's library is used if `rustup target add aarch64-unknown-linux-gnu` has brought it.

@@ -1,6 +1,6 @@
 """Prints the licence texts of all crates of other authors that are inside a package's program.
 
-Usage: libraries.py PACKAGE...
+Usage: libraries.py [--target TRIPLE] PACKAGE...
 """
 
 import json
@@ -18,10 +18,13 @@ def cargo(*arguments: str) -> str:
 def main(packages: list[str]) -> None:
     metadata = json.loads(cargo("metadata", "--format-version", "1", "--locked"))
     crates = {f"{crate['name']} {crate['version']}": crate for crate in metadata["packages"]}
+    own: list[str] = []
+    if packages[0] == "--target":
+        own, packages = packages[:2], packages[2:]
     names: set[str] = set()
     for package in packages:
         # The firmware is inside biflag, and is no program of this computer.
-        target = ["--target", "all"] if package == "firmware" else []
+        target = ["--target", "all"] if package == "firmware" else own
         format = ["--edges", "normal", "--prefix", "none", "--format", "{p}"]
         tree = cargo("tree", "--locked", *format, "--package", package, *target)
         names |= {" ".join(line.split()[:2]).replace(" v", " ") for line in tree.splitlines() if line}

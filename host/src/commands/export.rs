@@ -9,6 +9,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
+use system::file::full_path;
 
 /// Export a trial, or all trials of a session, as a table or a trajectory.
 ///
@@ -57,7 +58,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let format = formats[named.map_or(Ok(0), |output| ending(output, &endings))?];
     let output = args.output.clone().unwrap_or_else(|| {
         if is_session {
-            let folder = args.path.canonicalize().unwrap_or_else(|_| args.path.clone());
+            let folder = full_path(&args.path).unwrap_or_else(|_| args.path.clone());
             let mut name = folder.file_name().unwrap_or_default().to_owned();
             name.push("-export");
             folder.with_file_name(name)

@@ -11,6 +11,7 @@ use biflag_log::similar::suggest;
 use serde_json::json;
 use spdx::identifiers::LICENSES;
 use std::path::PathBuf;
+use system::file::full_path;
 
 /// Pack a session into one archive for a data repository: logs, page, figures, tables, checksums, RO-Crate metadata.
 #[derive(clap::Args, Debug)]
@@ -38,12 +39,12 @@ fn license(text: &str) -> Result<String, String> {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let session = Session::open(&args.session)?;
-    let folder = args.session.canonicalize().unwrap_or_else(|_| args.session.clone());
+    let folder = full_path(&args.session).unwrap_or_else(|_| args.session.clone());
     let out = match &args.output {
         Some(out) => out.clone(),
         None => folder.with_added_extension("zip"),
     };
-    if out.parent().and_then(|parent| parent.canonicalize().ok()).is_some_and(|parent| parent == folder) {
+    if out.parent().and_then(|parent| full_path(parent).ok()).is_some_and(|parent| parent == folder) {
         return Err(miette::miette!(
             code = WRONG_USE,
             help = "name a file in another folder with -o",

@@ -8,6 +8,7 @@ use biflag_log::{check, recover};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use system::file::full_path;
 
 /// Write an intact log from one that is cut off or damaged, or rebuild a session.toml that is lost or damaged.
 ///
@@ -65,7 +66,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
 
 /// Returns the folder of a log. A link to a log is followed, because its target is what may be recorded.
 fn folder_of(log: &Path) -> PathBuf {
-    let target = log.canonicalize().unwrap_or_else(|_| log.to_owned());
+    let target = full_path(log).unwrap_or_else(|_| log.to_owned());
     target.parent().unwrap_or(Path::new("")).to_owned()
 }
 

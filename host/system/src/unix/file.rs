@@ -11,6 +11,14 @@ pub fn is_same(one: &Path, other: &Path) -> bool {
     matches!((id(one), id(other)), (Ok(one), Ok(other)) if one == other)
 }
 
+/// Returns the path of a file from the root, without links.
+///
+/// # Errors
+/// As [`Path::canonicalize`].
+pub fn full_path(path: &Path) -> Result<PathBuf> {
+    path.canonicalize()
+}
+
 /// Renames a file, in place of another.
 ///
 /// # Errors

@@ -9,7 +9,7 @@ use std::os::windows::fs::OpenOptionsExt;
 use std::os::windows::io::AsRawHandle;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use windows_sys::Win32::Foundation::ERROR_SHARING_VIOLATION;
+use windows_sys::Win32::Foundation::{ERROR_SHARING_VIOLATION, MAX_PATH};
 use windows_sys::Win32::Storage::FileSystem::{
     FILE_FLAG_BACKUP_SEMANTICS, GetFileInformationByHandle, GetFinalPathNameByHandleW,
 };
@@ -30,6 +30,20 @@ fn id(path: &Path) -> Option<[u32; 3]> {
     // SAFETY: the file is open, and the pointer is valid.
     let is_known = unsafe { GetFileInformationByHandle(file.as_raw_handle(), &mut found) } != 0;
     is_known.then_some([found.dwVolumeSerialNumber, found.nFileIndexHigh, found.nFileIndexLow])
+}
+
+/// Returns the path of a file from the root, without links.
+///
+/// # Errors
+/// As [`Path::canonicalize`].
+pub fn full_path(path: &Path) -> Result<PathBuf> {
+    Ok(plain(path.canonicalize()?))
+}
+
+/// Returns a path of a drive in its usual form, which other programs know too, if it is short enough for them.
+fn plain(full: PathBuf) -> PathBuf {
+    let is_usual = |path: &&str| path.len() < MAX_PATH as usize && path.as_bytes().get(1) == Some(&b':');
+    full.to_str().and_then(|path| path.strip_prefix(r"\\?\")).filter(is_usual).map_or(full.clone(), PathBuf::from)
 }
 
 /// Renames a file, in place of another. Another program that has one of them open keeps it from that for a moment.
@@ -60,8 +74,11 @@ pub fn output_path(output: &File) -> Result<PathBuf> {
     let mut path = vec![0; 32_768];
     // SAFETY: the file is open, and the buffer is as long as said.
     let length = unsafe { GetFinalPathNameByHandleW(output.as_raw_handle(), path.as_mut_ptr(), path.len() as u32, 0) };
+    if length == 0 {
+        return Err(Error::last_os_error());
+    }
     path.truncate(length as usize);
-    if length == 0 { Err(Error::last_os_error()) } else { Ok(OsString::from_wide(&path).into()) }
+    Ok(plain(OsString::from_wide(&path).into()))
 }
 
 #[cfg(test)]
@@ -77,6 +94,16 @@ mod tests {
         fs::hard_link(&one, &link).unwrap();
         assert!(is_same(&one, &link) && is_same(folder.path(), &folder.path().join(".")));
         assert!(!is_same(&one, &other) && !is_same(&one, &folder.path().join("missing")));
+    }
+
+    #[test]
+    fn a_full_path_has_its_usual_form() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let full = full_path(file.path()).unwrap();
+        assert!(full.to_str().unwrap().as_bytes()[1] == b':' && is_same(&full, file.path()), "{full:?}");
+        assert_eq!(output_path(file.as_file()).unwrap(), full);
+        let of_server = PathBuf::from(r"\\?\UNC\lab\folder");
+        assert_eq!(plain(of_server.clone()), of_server);
     }
 
     #[test]
