@@ -1,0 +1,156 @@
+#!/bin/sh
+# Works with biflag.exe under Wine, and compares what it computes with this computer's biflag. After host/dist/windows.sh.
+set -eu
+cd "$(dirname "$0")/../.."
+target=x86_64-pc-windows-gnu
+built=$PWD/target/$target/release
+biflag=$PWD/target/release/biflag
+export WINEPREFIX="$PWD/target/wine" WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=" XDG_CONFIG_HOME="$PWD/target/wine/config"
+begun=$(date +%s)
+
+# A port of Wine, and the file that is a link to the port of the board.
+port=$WINEPREFIX/board
+wine reg add 'HKLM\Software\Wine\Ports' /v COM5 /d "$port" /f > "$PWD/target/wine.log" 2>&1
+# Ports are read when Wine starts.
+/usr/lib/wine/wineserver -w
+
+stub=$WINEPREFIX/bcryptprimitives.dll
+x86_64-w64-mingw32-gcc -shared -o "$stub" host/dist/bcryptprimitives.c -ladvapi32
+mkdir -p "$built/deps"
+cp "$stub" "$built/deps"
+export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=wine
+sh host/dist/windows-cargo.sh test -p system --lib
+sh host/dist/windows-cargo.sh test -p sim --lib same_bits
+
+# As a user has it: in a folder with spaces and letters beyond ASCII.
+scratch=$(mktemp -d)
+trap 'rm -r "$scratch"' EXIT
+unzip -q target/dist/biflag-*-windows-x86_64.zip -d "$scratch"
+exe=$(echo "$scratch"/biflag-*/biflag.exe)
+cp "$stub" "${exe%/*}"
+work="$scratch/Prüfung im Labor"
+mkdir "$work"
+cp host/plans/published-points.toml "$work"
+cd "$work"
+
+# Runs a command of biflag.exe, which must end with this exit code.
+expect() {
+    wanted=$1
+    shift
+    code=0
+    wine "$exe" "$@" > output 2>&1 || code=$?
+    if [ $code != "$wanted" ]; then
+        cat output
+        echo "exit code $code instead of $wanted: biflag $*" >&2
+        exit 1
+    fi
+    echo "ok ($code): biflag $*"
+}
+
+# The output of the last command must have a line with this text.
+says() {
+    if ! grep -q -- "$1" output; then
+        cat output
+        echo "no \"$1\" in the output" >&2
+        exit 1
+    fi
+}
+
+# Files of both systems must be the same, but for the names and hashes of logs, which have the time in them.
+same() {
+    grep -v '^# \(log\|SHA-256\)' "$1" > one
+    grep -v '^# \(log\|SHA-256\)' "$2" > other
+    cmp one other
+    echo "the same, byte for byte: $1"
+}
+
+start=$(date +%s%N)
+expect 0 --version
+echo "biflag.exe --version under Wine: $((($(date +%s%N) - start) / 1000000)) ms"
+
+expect 0 simulate --speeds=50,10 --duration 60 --out wine
+$biflag simulate --speeds=50,10 --duration 60 --out linux > /dev/null 2>&1
+expect 0 export wine
+$biflag export linux > /dev/null
+for file in wine-export/*.csv; do
+    same "$file" "linux-export/${file#*/}"
+done
+
+# As Notepad writes it.
+printf '\357\273\277[session]\r\nname = "softer"\r\nrobot = "physical"\r\n[vary]\r\n"group.stiffness" = [0.8, 1.0]\r\n' > softer.toml
+printf '[trial]\r\nrun = 60\r\nmethod = "steady"\r\n[speeds]\r\npairs = [[50, 10], [0, 45]]\r\n' >> softer.toml
+expect 0 sweep softer.toml --out wine-sweep
+$biflag sweep softer.toml --out linux-sweep > /dev/null 2>&1
+same wine-sweep/table.csv linux-sweep/table.csv
+expect 0 aim --yaw=-67 --pitch=-4 -o wine-aim.toml
+$biflag aim --yaw=-67 --pitch=-4 -o linux-aim.toml > /dev/null 2>&1
+same wine-aim.toml linux-aim.toml
+expect 2 record softer.toml --virtual
+says "WSL"
+
+expect 0 report wine
+expect 0 figure trial wine 1 -o trial.pdf
+expect 0 figure trial wine 1 -o trial.svg
+grep -v '^#' wine-export/001_w1+50_w2+10.csv | cut -d , -f 1,3-5 > camera.csv
+expect 0 import camera.csv --columns time=time_s,yaw=yaw_deg,pitch=pitch_deg,roll=roll_deg --speeds 50,10 --run 0,60 --robot physical -o camera.mcap
+expect 0 info camera.mcap
+expect 0 compare wine
+expect 0 pack wine --license CC-BY-4.0
+unzip -tq wine.zip
+head -c 60000 wine/001_w1+50_w2+10.mcap > cut.mcap
+expect 3 recover cut.mcap
+expect 3 info cut.recovered.mcap
+
+# A recording, on a COM port.
+cat > plan.toml <<END
+[session]
+name = "short"
+[trial]
+rest_at_most = 0
+calibrate = 1
+preroll = 2
+run = 6
+decay = 2
+[speeds]
+pairs = [[50, 10], [0, 45], [-50, 10]]
+END
+mkfifo control
+"$built/../../release/vnano" --firmware "$built/../../firmware.elf" --robot physical < control > board &
+exec 3> control
+until grep -q '"event":"ready"' board; do sleep 0.1; done
+ln -sfn "$(sed -n 's/.*"port":"\([^"]*\)".*/\1/p' board)" "$port"
+expect 0 settings --new --port COM5
+recording() {
+    wine "$exe" record plan.toml --port COM5 --out rec "$@" > recorded 2>&1 &
+    recorder=$!
+}
+until_it_says() {
+    until grep -q "$1" recorded; do
+        sleep 0.1
+        kill -0 $recorder 2> /dev/null || { cat recorded; exit 1; }
+    done
+}
+recording
+until_it_says '001.*: run$'
+expect 3 info rec
+says "being recorded"
+expect 1 record plan.toml --port COM5 --out rec --resume
+says "busy"
+until_it_says '002.*: run$'
+kill -INT $recorder
+code=0
+wait $recorder || code=$?
+[ $code = 130 ]
+grep -q "interrupted, the motors are stopped" recorded
+echo "ok (130): Ctrl-C"
+recording --resume
+until_it_says '002.*: run$'
+kill -KILL $recorder
+wait $recorder || true
+echo "ok: killed"
+expect 3 record plan.toml --port COM5 --out rec --resume
+expect 3 info rec
+says "3 of 3 trials complete"
+says " 0 lost, 0 CRC errors"
+exec 3>&-
+echo "All of this works under Wine, in $(($(date +%s) - begun)) s."
