@@ -64,6 +64,7 @@ same() {
     echo "the same, byte for byte: $1"
 }
 
+expect 0 --version
 start=$(date +%s%N)
 expect 0 --version
 echo "biflag.exe --version under Wine: $((($(date +%s%N) - start) / 1000000)) ms"
@@ -82,10 +83,10 @@ printf '[trial]\r\nrun = 60\r\nmethod = "steady"\r\n[speeds]\r\npairs = [[50, 10
 expect 0 sweep softer.toml --out wine-sweep
 $biflag sweep softer.toml --out linux-sweep > /dev/null 2>&1
 same wine-sweep/table.csv linux-sweep/table.csv
-expect 0 aim --yaw=-67 --pitch=-4 -o wine-aim.toml
-$biflag aim --yaw=-67 --pitch=-4 -o linux-aim.toml > /dev/null 2>&1
-same wine-aim.toml linux-aim.toml
-expect 2 record softer.toml --virtual
+expect 0 aim --yaw=-67 --pitch=-4 -o wine/aim.toml
+$biflag aim --yaw=-67 --pitch=-4 -o linux/aim.toml > /dev/null 2>&1
+same wine/aim.toml linux/aim.toml
+expect 2 record demo --virtual
 says "WSL"
 
 expect 0 report wine
