@@ -92,7 +92,8 @@ impl Source {
             Some(folder) if folder.as_os_str().is_empty() && Path::new(MANIFEST).exists() => PathBuf::from("."),
             _ => self.path.with_extension(""),
         };
-        let full = if folder.file_name().is_some() { folder } else { system::file::full_path(&folder).unwrap_or(folder) };
+        let full =
+            if folder.file_name().is_some() { folder } else { system::file::full_path(&folder).unwrap_or(folder) };
         let mut name = full.file_name().unwrap_or("trial".as_ref()).to_owned();
         name.push("-replay");
         full.with_file_name(name)
