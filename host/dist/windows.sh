@@ -17,7 +17,7 @@ mkdir -p "$stage"
 x86_64-w64-mingw32-strip -o "$stage/biflag.exe" target/$target/release/biflag.exe
 cp CHANGELOG.md LICENSE-MIT LICENSE-APACHE host/dist/start.html "$stage"
 # Without the emulated board, which is not in it.
-sed '/^Files: bin\/vnano/,/^$/d; /^License: GPL/,$d; s,bin/biflag,biflag.exe,' host/dist/copyright > "$stage/copyright.txt"
+sed '/^Files: bin\/vnano/,/^$/d; /^License: GPL/,$d; s,bin/biflag,biflag.exe,; s,"libraries","libraries.txt",' host/dist/copyright > "$stage/copyright.txt"
 python3 host/dist/libraries.py --target $target host firmware > "$stage/libraries.txt"
 cp -r host/plans host/layouts "$stage"
 cp -RL host/book/src "$stage/book"
