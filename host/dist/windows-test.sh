@@ -86,6 +86,10 @@ same wine-sweep/table.csv linux-sweep/table.csv
 expect 0 aim --yaw=-67 --pitch=-4 -o wine/aim.toml
 $biflag aim --yaw=-67 --pitch=-4 -o linux/aim.toml > /dev/null 2>&1
 same wine/aim.toml linux/aim.toml
+$biflag record demo --virtual --out demo > /dev/null 2>&1
+expect 0 calibrate demo -o wine/fitted.toml
+$biflag calibrate demo -o linux/fitted.toml > /dev/null 2>&1
+same wine/fitted.toml linux/fitted.toml
 expect 2 record demo --virtual
 says "WSL"
 
