@@ -73,7 +73,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let nano = args.r#virtual.then(|| virtual_board::start(vec!["--speed".into(), "max".into()], &[])).transpose()?;
     let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     let link = Link::open_unless(&port, &interrupted)?;
-    let per_turn = f64::from(settings::read(&link)?.counts_per_turn);
+    let settings = settings::read(&link)?;
+    settings::need_encoders(&settings)?;
+    let per_turn = f64::from(settings.counts_per_turn);
     let begin = park::info(&link)?.encoder;
     colour::eprint(&format!("{KEYS}\n"));
     let outcome = align(&link, begin, per_turn, &interrupted);

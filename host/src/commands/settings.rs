@@ -12,7 +12,7 @@ use crate::run::rig::preflight;
 use crate::signals::interruption;
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::Millivolts;
-use protocol::{Command, Reply, Settings};
+use protocol::{Command, Reply, Settings, SpeedFrom};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -113,6 +113,18 @@ pub(super) fn read(link: &Link) -> Result<Settings, LinkError> {
     match link.ask(Command::ReadSettings)? {
         Reply::Settings(settings) => Ok(settings),
         other => Err(link.wrong_answer(&Command::ReadSettings, &other)),
+    }
+}
+
+/// Refuses a board whose motors have no encoders.
+pub(super) fn need_encoders(settings: &Settings) -> miette::Result<()> {
+    match settings.speed_from {
+        SpeedFrom::Encoders => Ok(()),
+        SpeedFrom::Duty => Err(miette::miette!(
+            help = "without them only constant speeds can be recorded, from any angles; if the motors have some, write speed_from = \
+                    \"encoders\" with `biflag settings --write`",
+            "the motors of this board have no encoders (speed_from = \"duty\")"
+        )),
     }
 }
 

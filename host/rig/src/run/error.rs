@@ -6,7 +6,7 @@ use crate::link::LinkError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use protocol::{Fault, ResetCause};
-use study::plan::line::TooFast;
+use study::plan::line::OffTheLine;
 use study::steer::SteerError;
 use thiserror::Error;
 
@@ -53,15 +53,20 @@ pub enum RecordError {
     ))]
     NoSwing { motor: usize, duty: u8, reason: &'static str },
     /// A motor without encoder stands.
-    #[error("motor {0} seems to stand: the robot does not swing once a turn of flagellum {0}")]
+    #[error("motor {0} stands, or is far off its speed: the robot does not swing once a turn of flagellum {0}")]
     #[diagnostic(help(
-        "see what holds flagellum {0}, and check the leads of its motor and its supply; then continue with --resume"
+        "see what holds flagellum {0}, and check the leads of its motor and its supply; if it turns, measure the lines of the motors \
+         again with `biflag doctor --motors`; then continue with --resume"
     ))]
     Standing(usize),
-    /// A motor does not reach a speed of the trial.
+    /// A motor does not keep a speed of the trial.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    TooFast(#[from] TooFast),
+    OffTheLine(#[from] OffTheLine),
+    /// The lines of the motors are those of another wiring.
+    #[error("the lines of the motors were measured with another bridge or other senses: {0}")]
+    #[diagnostic(help("measure them again, with the robot in its liquid, by `biflag doctor --motors`"))]
+    OtherLines(String),
     /// No lines of the motors are known.
     #[error("how fast these motors turn at which duty is not known, and they have no encoders (speed_from = \"duty\")")]
     #[diagnostic(help(

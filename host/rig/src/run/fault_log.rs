@@ -37,14 +37,18 @@ pub fn to_log(record: &FaultRecord) -> FaultMeta {
 
 /// Describes the entry in a line.
 pub fn line(record: &FaultRecord) -> String {
-    let ([d1, d2], [w1, w2]) = (record.duty.map(|duty| duty.0), record.speed.map(|speed| speed.rpm()));
+    let [d1, d2] = record.duty.map(|duty| duty.0);
+    let speeds = match record.speed {
+        [CentiRpm::UNKNOWN, _] => "speeds unknown".to_owned(),
+        [w1, w2] => format!("speeds {:.1} and {:.1} rpm", w1.rpm(), w2.rpm()),
+    };
     let place = match record.program_counter {
         0 if record.fault == Fault::Hang => ", without an address, so a reset is likely".to_owned(),
         0 => String::new(),
         address => format!(" at {address:#06x} in flash"),
     };
     format!(
-        "start {}, {:.1} s: {}{place}; duties {d1} and {d2}, speeds {w1:.1} and {w2:.1} rpm",
+        "start {}, {:.1} s: {}{place}; duties {d1} and {d2}, {speeds}",
         record.boot,
         seconds(record),
         fault_text(record.fault),

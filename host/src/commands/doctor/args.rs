@@ -24,7 +24,7 @@ pub struct Args {
     #[arg(long = "virtual", requires = "motors", conflicts_with = "port")]
     pub r#virtual: bool,
     /// The emulated rig: `encoders`, `duty`, `in-in` or `duty-in-in`.
-    #[arg(long, value_name = "RIG", requires = "virtual", default_value = "encoders")]
+    #[arg(long, value_name = "RIG", requires = "virtual", conflicts_with = "port", default_value = "encoders")]
     pub rig: String,
     /// Simulate a fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]

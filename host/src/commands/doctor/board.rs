@@ -6,6 +6,7 @@ use crate::link::Link;
 use crate::plan::board;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{commit_text, fault_log, preflight};
+use protocol::SpeedFrom;
 use protocol::units::imu_part;
 
 /// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
@@ -65,6 +66,7 @@ fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
 fn angles(link: &Link) -> Finding {
     let settings = settings::read(link).map_err(problem)?;
     Ok(match board::angles_deg(link.info(), &settings) {
+        _ if settings.speed_from == SpeedFrom::Duty => "none, without encoders".to_owned(),
         Some([one, two]) => format!("flagella at {one:.1}° and {two:.1}° from their marks"),
         None => format!("not known; `biflag align --port {}` makes them known, for plans with phases", link.path()),
     })

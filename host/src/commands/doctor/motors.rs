@@ -8,7 +8,7 @@ use crate::commands::answer::{Answer, Outcome};
 use crate::commands::ask::ask;
 use crate::commands::{settings, virtual_board};
 use crate::link::{Link, LinkError};
-use crate::plan::line::LinePoint;
+use crate::plan::line::{LinePoint, Lines};
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
@@ -136,8 +136,7 @@ fn wrong_bridge(motor: usize, set: Bridge) -> Check {
     let detail = format!("motor {} turns at a duty of {} of 255, at which none may", motor + 1, self_test::IDLE_DUTY);
     let cure = format!(
         "the board is set to bridge = \"{set}\": if its bridge is of the other kind, write bridge = \"{other}\" with `biflag \
-         settings --write`; otherwise check the wires of {} and {}",
-        WAY_PINS[motor][0], WAY_PINS[motor][1]
+         settings --write`; otherwise check the wires of its inputs"
     );
     check("bridge".into(), Err((detail, cure)))
 }
@@ -151,7 +150,8 @@ fn lines(
     interrupted: &AtomicBool,
 ) -> Result<Vec<Check>, RecordError> {
     let measured = rig::lines::measure(link, interrupted, |what| colour::eprint(&format!("{what}\n")))?;
-    let (lines, wanted) = (&measured.lines, measured.corrected(settings));
+    let wanted = measured.corrected(settings);
+    let lines = Lines { wiring: Lines::wiring_of(&wanted), ..measured.lines };
     let mut checks = Vec::new();
     for (motor, line) in lines.motor.iter().enumerate() {
         let half = |points: &[LinePoint]| {
@@ -164,7 +164,7 @@ fn lines(
     checks.extend(save(args, link, copies, (settings, wanted), interrupted)?);
     if let Some(copies) = copies {
         let board_id = settings::read(link)?.board_id;
-        let kept = copies.keep_lines(board_id, lines).map_err(|error| {
+        let kept = copies.keep_lines(board_id, &lines).map_err(|error| {
             (format!("not kept: {error}"), "make room for the user's settings, then test again".to_owned())
         });
         checks.push(check("lines".into(), kept.map(|()| format!("kept for board {board_id}"))));

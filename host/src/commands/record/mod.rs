@@ -76,7 +76,7 @@ pub struct Args {
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
     /// The emulated rig: `encoders`, or one without them or with another bridge: `duty`, `in-in`, `duty-in-in`.
-    #[arg(long, value_name = "RIG", requires = "virtual", default_value = "encoders")]
+    #[arg(long, value_name = "RIG", requires = "virtual", conflicts_with = "port", default_value = "encoders")]
     rig: String,
     #[command(flatten)]
     sensor: SensorArgs,
@@ -213,6 +213,9 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
     let note_of_copy = if args.r#virtual.is_some() { None } else { check_settings(&link)? };
     prepare(&link, plan)?;
     let note_of_sensor = board_sensor::complete(plan, &link)?;
+    if plan.has_phases() {
+        settings::need_encoders(&settings::read(&link)?)?;
+    }
     let lines = lines(args, plan, &link, interrupted)?;
     if args.r#virtual.is_some() && lines.is_none() {
         // Its flagella stand at their marks when it gets power.
@@ -238,7 +241,12 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
             measured.lines
         }
         None => {
-            BoardCopies::of_user().and_then(|copies| copies.lines(settings.board_id)).ok_or(RecordError::NoLines)?
+            let lines = BoardCopies::of_user().and_then(|copies| copies.lines(settings.board_id));
+            let lines = lines.ok_or(RecordError::NoLines)?;
+            if lines.wiring != Lines::wiring_of(&settings) {
+                return Err(RecordError::OtherLines(lines.wiring.to_toml().trim().replace('\n', ", ")));
+            }
+            lines
         }
     };
     // Before the first trial: a later one would end the session.

@@ -12,7 +12,7 @@ use crate::run::rig::{self, RecordError, RunContext, SimulatedRobot, VirtualNano
 use crate::session::{Session, Sharing};
 use biflag_log::{BoardMeta, Origin, SteerMeta};
 use miette::{Diagnostic, Report};
-use protocol::{Command, SpeedFrom};
+use protocol::Command;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
@@ -43,12 +43,7 @@ pub fn steer(
     }
     link.command(Command::Stop)?;
     let mut plan = plan.clone();
-    if settings::read(&link)?.speed_from == SpeedFrom::Duty {
-        return Err(miette::miette!(
-            help = "`biflag record` runs constant speeds on it; steering needs motors whose speeds the board keeps",
-            "the motors of this board have no encoders (speed_from = \"duty\")"
-        ));
-    }
+    settings::need_encoders(&settings::read(&link)?)?;
     let note_of_sensor = board_sensor::complete(&mut plan, &link)?;
     let plan = &plan;
     let session = Session::create(folder, plan)?;

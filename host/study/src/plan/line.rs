@@ -3,7 +3,9 @@
 //! `biflag doctor --motors` measures some points of it, in both senses. Between two points, and from the lowest one down, the line
 //! is straight: a bridge whose motors are free between pulses bends it, so that no straight line through all points holds.
 
+use super::BoardSettings;
 use miette::Diagnostic;
+use protocol::Settings;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -34,58 +36,79 @@ pub struct Line {
 pub struct Lines {
     /// The board's supply when they were measured, V.
     pub supply_v: f64,
+    /// The board's settings for which they hold: `bridge` and `motor_reversed`.
+    pub wiring: BoardSettings,
     /// Motors 1 and 2.
     pub motor: [Line; 2],
 }
 
-/// A speed that a motor does not reach.
+/// A speed that a motor does not keep.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
-#[error("motor {motor} turns at {} rpm at most, and {wanted_rpm} are planned", .most_rpm.floor())]
+#[error("motor {motor} turns at {} to {} rpm by its line, and {wanted_rpm} are planned", .from_rpm.ceil(), .to_rpm.floor())]
 #[diagnostic(help(
-    "plan slower speeds, or raise the supply of the motors and measure them again with `biflag doctor --motors`"
+    "plan other speeds, or change the supply of the motors and measure them again with `biflag doctor --motors`"
 ))]
-pub struct TooFast {
+pub struct OffTheLine {
     /// 1 or 2.
     pub motor: usize,
     /// The planned speed.
     pub wanted_rpm: f64,
-    /// The largest speed in this sense.
-    pub most_rpm: f64,
+    /// The lowest speed in this sense; a slower motor may stand.
+    pub from_rpm: f64,
+    /// The largest one.
+    pub to_rpm: f64,
 }
+
+/// Share of the lowest measured speed from which on a duty is told.
+const LOWEST: f64 = 0.8;
 
 impl Lines {
     /// Returns the duties, without signs, at which both motors turn at these speeds.
     ///
     /// # Errors
-    /// [`TooFast`].
-    pub fn duties(&self, speeds: [CentiRpm; 2]) -> Result<[u8; 2], TooFast> {
+    /// [`OffTheLine`].
+    pub fn duties(&self, speeds: [CentiRpm; 2]) -> Result<[u8; 2], OffTheLine> {
         let mut duties = [0; 2];
         for (motor, speed) in speeds.into_iter().enumerate() {
-            duties[motor] = self.motor[motor].duty(speed.rpm()).map_err(|most_rpm| TooFast {
+            let wanted_rpm = speed.rpm();
+            duties[motor] = self.motor[motor].duty(wanted_rpm).map_err(|[from_rpm, to_rpm]| OffTheLine {
                 motor: motor + 1,
-                wanted_rpm: speed.rpm(),
-                most_rpm,
+                wanted_rpm,
+                from_rpm,
+                to_rpm,
             })?;
         }
         Ok(duties)
     }
+
+    /// Returns the settings for which the lines of a board with these settings hold.
+    pub fn wiring_of(settings: &Settings) -> BoardSettings {
+        let BoardSettings { bridge, motor_reversed, .. } = BoardSettings::all(settings);
+        BoardSettings { bridge, motor_reversed, ..BoardSettings::default() }
+    }
 }
 
 impl Line {
-    /// Returns the duty of a speed; the largest speed if it is not reached.
-    fn duty(&self, speed_rpm: f64) -> Result<u8, f64> {
+    /// Returns the duty of a speed.
+    ///
+    /// # Errors
+    /// The slowest and the fastest speed that are told.
+    fn duty(&self, speed_rpm: f64) -> Result<u8, [f64; 2]> {
         let points = if speed_rpm < 0.0 { &self.backwards } else { &self.forwards };
         let wanted = speed_rpm.abs();
         if wanted == 0.0 {
             return Ok(0);
         }
         let at = points.partition_point(|point| point.speed_rpm < wanted).clamp(1, points.len().max(2) - 1);
-        let (Some(low), Some(high)) = (points.get(at - 1), points.get(at)) else { return Err(0.0) };
+        let (Some(low), Some(high)) = (points.get(at - 1), points.get(at)) else { return Err([0.0; 2]) };
         let slope = f64::from(high.duty - low.duty) / (high.speed_rpm - low.speed_rpm);
         let duty = f64::from(low.duty) + (wanted - low.speed_rpm) * slope;
         let full = f64::from(u8::MAX);
-        if duty > full {
-            return Err(low.speed_rpm + (full - f64::from(low.duty)) / slope);
+        let lowest = LOWEST * points.iter().map(|point| point.speed_rpm).find(|rpm| *rpm > 0.0).unwrap_or_default();
+        if duty > full || wanted < lowest {
+            let last = &points[points.len().saturating_sub(2)..];
+            let rise = (last[1].speed_rpm - last[0].speed_rpm) / f64::from(last[1].duty - last[0].duty);
+            return Err([lowest, last[1].speed_rpm + (full - f64::from(last[1].duty)) * rise]);
         }
         Ok(duty.round().max(1.0) as u8)
     }
@@ -101,7 +124,7 @@ mod tests {
             forwards: points([(60, 20.0), (100, 50.0), (200, 100.0)]),
             backwards: points([(60, 10.0), (100, 30.0), (200, 60.0)]),
         };
-        Lines { supply_v: 5.0, motor: [line.clone(), line] }
+        Lines { supply_v: 5.0, wiring: Lines::wiring_of(&Settings::DEFAULT), motor: [line.clone(), line] }
     }
 
     #[test]
@@ -109,10 +132,11 @@ mod tests {
         let duties = |one: f64, two: f64| lines().duties([one, two].map(CentiRpm::from_rpm));
         assert_eq!(duties(50.0, -30.0), Ok([100, 100]));
         assert_eq!(duties(35.0, 75.0), Ok([80, 150]));
-        assert_eq!(duties(0.0, 5.0), Ok([0, 40]), "along the lowest part");
+        assert_eq!(duties(0.0, 18.0), Ok([0, 57]), "along the lowest part");
         assert_eq!(duties(110.0, -66.0), Ok([220, 220]), "along the highest part");
         let error = duties(20.0, -80.0).unwrap_err();
-        assert_eq!(error.to_string(), "motor 2 turns at 76 rpm at most, and -80 are planned");
+        assert_eq!(error.to_string(), "motor 2 turns at 8 to 76 rpm by its line, and -80 are planned");
+        assert!(duties(15.0, 30.0).is_err(), "it may stand");
         assert!(Lines::default().duties([CentiRpm(1), CentiRpm(0)]).is_err(), "nothing was measured");
     }
 

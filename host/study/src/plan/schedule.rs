@@ -1,6 +1,6 @@
 //! The schedule of a trial, the same on the rig and in the model.
 
-use super::line::{Lines, TooFast};
+use super::line::{Lines, OffTheLine};
 use super::{Phases, Reverse, Trial};
 use protocol::units::CentiRpm;
 use protocol::{SetPoint, State, TICK_HZ};
@@ -151,8 +151,8 @@ impl Schedule {
     /// later is sent.
     ///
     /// # Errors
-    /// [`TooFast`] if a motor does not reach a speed.
-    pub fn set_points(&self, lines: Option<&Lines>) -> Result<Vec<SetPoint>, TooFast> {
+    /// [`OffTheLine`] if a motor does not reach a speed.
+    pub fn set_points(&self, lines: Option<&Lines>) -> Result<Vec<SetPoint>, OffTheLine> {
         let mut points: Vec<SetPoint> = Vec::new();
         let mut number = 0;
         for (tick, event) in self.ticks() {

@@ -38,7 +38,7 @@ pub enum SteerError {
     /// The speeds exceed the board's limit.
     #[error("the policy asked for {} and {} rpm, and the board turns at most at {} rpm", rpm[0], rpm[1], CentiRpm::LIMIT.rpm())]
     #[diagnostic(help("limit the speeds in the policy"))]
-    TooFast { rpm: [f64; 2] },
+    OffTheLine { rpm: [f64; 2] },
     /// The table has no speeds near the attitude.
     #[error(
         "yaw {yaw_deg}° and pitch {pitch_deg}° are out of reach: the table comes within {error_deg:.1}° at best, at {} and \

@@ -171,7 +171,7 @@ fn parse(line: &str) -> Result<[f64; 2], SteerError> {
         return Err(nonsense("a speed is not finite".to_owned()));
     }
     if rpm.iter().any(|rpm| rpm.abs() > CentiRpm::LIMIT.rpm()) {
-        return Err(SteerError::TooFast { rpm });
+        return Err(SteerError::OffTheLine { rpm });
     }
     Ok(rpm)
 }

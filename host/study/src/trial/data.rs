@@ -199,8 +199,6 @@ pub struct Data {
     pub sha256: Option<String>,
     /// Reasons for a shortened or shifted run.
     pub warnings: Vec<String>,
-    /// Whether the motors have no encoders, and their speeds are those of the swing.
-    pub has_swing_speeds: bool,
     /// Findings about the log's identity within its session: see [`crate::session`].
     pub identity: Vec<Finding>,
 }
@@ -286,14 +284,8 @@ impl Data {
         self.is_recorded() && self.settings().is_some_and(|settings| settings.speed_from == SpeedFrom::Duty)
     }
 
-    /// Returns whether nothing measured the speeds of its motors.
-    pub fn lacks_speeds(&self) -> bool {
-        !self.has_swing_speeds && self.is_blind() && self.planned_speeds() != [CentiRpm(0); 2]
-    }
-
     /// Takes speeds measured by the swing in place of those commanded.
     pub(super) fn take_speeds(&mut self, measured: &SwingSpeeds) {
-        self.has_swing_speeds = measured.not_measured.is_none();
         let [one, two] = self.planned_speeds().map(CentiRpm::rpm);
         let [_, w1, _, w2, turns1, turns2] = &mut self.motors.values;
         for (rpm, commanded, columns) in

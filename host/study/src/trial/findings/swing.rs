@@ -2,7 +2,7 @@
 
 use super::{Rule, Section, frame};
 use crate::swing::{Cause, Label, Labelled, SwingSpeeds, label};
-use crate::text::either;
+use crate::text::{decimal, either};
 use crate::trial::angles::Steady;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Swing, Upright};
@@ -18,12 +18,9 @@ const OFF_OF_BLIND: (f64, f64) = (0.25, 2.0);
 
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
-static RULES: [Rule; 3] = [
-    Rule::note(
-        Swing,
-        "a model of it needs them, so no comparison has a ±: record a longer run, or other speeds",
-        without_speeds,
-    ),
+static RULES: [Rule; 4] = [
+    Rule::warning(Swing, "record speeds that differ more, or a longer run", without_speeds),
+    Rule::note(Swing, "measure the lines of the motors again with `biflag doctor --motors`", off_the_line),
     Rule::note(Upright, frame::AXES, turns_with_its_motors),
     Rule::law(
         Swing,
@@ -110,8 +107,24 @@ fn without_speeds(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let [w1, w2] = data.speeds().map(CentiRpm::rpm);
     (w1 != 0.0 || w2 != 0.0).then(|| {
         format!(
-            "the motors have no encoders, and the swing does not tell their speeds ({why}): those commanded, {w1} and {w2} rpm, are \
-             within some 5 %"
+            "the motors have no encoders, and the swing does not tell whether they turned at {w1} and {w2} rpm, or at all: {why}"
+        )
+    })
+}
+
+/// The largest difference of a speed from the commanded one that is not worth a word: its share, and rpm beside it.
+const USUAL: (f64, f64) = (0.1, 1.0);
+
+fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let measured = zeroed.steady.as_ref().filter(|_| data.is_blind())?.measured(&zeroed.angles_deg);
+    let told = [measured.measured_w1_rpm?, measured.measured_w2_rpm?];
+    let [w1, w2] = data.speeds().map(CentiRpm::rpm);
+    let is_off = |(told, rpm): (f64, f64)| (told - rpm).abs() > USUAL.0 * rpm.abs() + USUAL.1;
+    [(told[0], w1), (told[1], w2)].into_iter().any(is_off).then(|| {
+        format!(
+            "by the swing the motors turned at {} and {} rpm, where {w1} and {w2} were commanded",
+            decimal(told[0], 1),
+            decimal(told[1], 1)
         )
     })
 }

@@ -78,11 +78,6 @@ impl FitTrial {
         if zeroed.steady.is_none() {
             return Err(unusable("contains no attitude in its run"));
         }
-        if data.lacks_speeds() {
-            let reason = "is of motors without encoders, and its swing does not tell their speeds".to_owned();
-            let help = "leave it out, or record a longer run or other speeds";
-            return Err(TwinError::unusable(data, Unusable { reason, help }));
-        }
         let run = &zeroed.run;
         let end = zeroed.span().end.min(data.duration_s);
         let count = ((end - run.start) / BLOCK_S).floor() as usize;

@@ -69,11 +69,7 @@ impl SteadyPair {
     /// unknown.
     pub fn causes(&self, pair: &Pair) -> [Option<ErrorCauses>; 3] {
         let is_same = pair.is_of_one_sensor();
-        // A model of other speeds may differ by any amount.
-        let of = |side: &Side| match side.data.lacks_speeds() {
-            true => [const { None }; 3],
-            false => side.zeroed.causes(&side.on_clock(&self.window)),
-        };
+        let of = |side: &Side| side.zeroed.causes(&side.on_clock(&self.window));
         let (measured, modelled) = (of(&pair.measured), of(&pair.modelled));
         [0, 1, 2].map(|k| {
             let (one, other) = (measured[k].as_ref()?, modelled[k].as_ref()?);
