@@ -90,7 +90,7 @@ mod nano {
             let due = clock::take_due();
             if due > 0 {
                 // Edges first, so that none of them is later than the tick.
-                let edges = encoders::take();
+                let edges = encoders::take(app.counts_edges());
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);

@@ -462,6 +462,12 @@ where
         first.0 | second.0 != 0 || self.turn.is_some()
     }
 
+    /// Returns whether edges of the encoders count: not while one is at fault by its noise, which would cost each tick a quarter of
+    /// its time. The positions are lost by then.
+    pub fn counts_edges(&self) -> bool {
+        !matches!(self.latch.get(), Fault::Encoder1Noisy | Fault::Encoder2Noisy)
+    }
+
     /// Returns whether a motor is on.
     pub fn is_driven(&self) -> bool {
         self.is_running() || self.drive_ticks > 0

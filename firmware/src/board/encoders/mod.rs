@@ -96,11 +96,11 @@ pub fn disable(interrupts: &EXINT) {
     interrupts.eimsk.reset();
 }
 
-/// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
-pub fn take() -> [Edges; 2] {
+/// Returns the edges up to now, and turns the interrupts of noisy encoders on again if edges still count.
+pub fn take(counts: bool) -> [Edges; 2] {
     let edges = [take_of(0), take_of(1)];
     // An interrupt that turns itself off between the two registers will do so again.
-    count_with(INT0_INT1);
+    count_with(if counts { INT0_INT1 } else { 0 });
     edges
 }
 
