@@ -25,7 +25,7 @@ const MEASURED_S: u32 = 13;
 /// Time for the request that starts a schedule, µs.
 const LEAD_US: u32 = 200_000;
 
-/// The board takes this as the speed at full duty, rpm, for the heat of a motor; what turns faster is cooler.
+/// Speed at full duty by which set-points state speeds, rpm. The board takes the sense from them and reports them; it applies the duty.
 const AT_FULL_RPM: f64 = 130.0;
 
 /// The lines of a board, and the motors whose positive duty turns them clockwise, so that their leads are reversed.
