@@ -192,7 +192,12 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
                     witness::agrees(&trial, unmoved, &summary.steady, rpm, start_rad, &|time| watch(before_s + time))?;
                 simulated_s = before_s + witness.state().time;
                 if !agrees {
-                    return from_rest(Some(&witness), simulated_s);
+                    // No step has moved the witness: it is the trial's own path. What is left of it must hold some windows.
+                    let left_s = whole.end() - witness.state().time;
+                    return match left_s >= f64::from(AGREEING + 1) * whole_turns(whole.target(), whole.end()) {
+                        true => follow(witness, &whole, problem, simulated_s, watch),
+                        false => from_rest(Some(&witness), simulated_s),
+                    };
                 }
                 let spent = witness.window_summary();
                 (summary.steps, summary.sweeps) = (spent.steps, spent.sweeps);
