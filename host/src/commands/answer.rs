@@ -3,10 +3,10 @@
 //! A terminal that Ctrl-S has stopped takes no output, nor does a pipe that nobody reads. A command waits for them, but not
 //! once the user has interrupted it.
 
+use super::usage;
 use crate::colour;
 use crate::signals::{INTERRUPTED, is_interrupted};
-use crate::text::{decimal_point, json_without, printable};
-use clap::error::{ContextKind, ContextValue, ErrorKind};
+use crate::text::{json_without, printable};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -14,7 +14,6 @@ use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
-use system::shell::quoted;
 
 /// Longest wait of an interrupted command for its last output.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -86,34 +85,14 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
 
 /// Prints the help, or why the command line is wrong, and returns the exit code.
 pub(super) fn not_parsed(error: clap::Error, json: bool) -> ExitCode {
-    let error = with_hint(error);
+    let error = usage::with_hint(error);
     // 2 on wrong use, and 0 after --help and --version.
     let code = if error.use_stderr() { 2 } else { 0 };
     let printed = error.print();
     if code == 0 {
         return end(printed, code);
     }
-    let body = || serde_json::json!({ "error": error.render().to_string().trim().trim_start_matches("error: "), "help": null });
-    print(&if json { escaped(&body()) } else { String::new() }, code)
-}
-
-/// Adds the hint of a common mistake: a decimal comma, a plan after `biflag plan`, or no file to write.
-pub(super) fn with_hint(mut error: clap::Error) -> clap::Error {
-    let text = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
-    let command = text(ContextKind::InvalidSubcommand);
-    let hint = match decimal_point(&text(ContextKind::InvalidValue)) {
-        // A comma also separates two values: `--speeds <W1,W2>`.
-        Some(number) if !text(ContextKind::InvalidArg).contains(',') => format!("write a decimal point: {number}"),
-        _ if error.kind() == ErrorKind::MissingRequiredArgument && text(ContextKind::InvalidArg).contains("--out") => {
-            "name the file to write, with -o; nothing was done without it".to_owned()
-        }
-        _ if command.ends_with(".toml") => {
-            format!("`biflag plan check {}` checks a plan", quoted(&command))
-        }
-        _ => return error,
-    };
-    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
-    error
+    print(&if json { escaped(&usage::json(&error.render().to_string())) } else { String::new() }, code)
 }
 
 /// Prints the output on stdout, unless there is none, and returns the exit code.

@@ -32,6 +32,7 @@ mod settings;
 mod simulate;
 mod steer;
 mod sweep;
+mod usage;
 mod virtual_board;
 
 use crate::program::FULL_VERSION;
@@ -152,13 +153,22 @@ mod tests {
             (vec!["compare", "walk", "-o", "x.pdf"], "the name must end with .html"),
             (vec!["import", "x.csv", "-o", "x.txt"], "the name must end with .mcap"),
             (vec!["new", "new.csv"], "the name must end with .toml"),
+            (vec!["simulate", "--speeds", "40,20", "--duration", "-5"], "after `=`, as --speeds=-90,90"),
+            (vec!["simulate", "--speeds", "50,10", "--run", "20"], "--duration"),
+            (vec!["record", "--speeds", "50,10", "--duration", "20"], "--run"),
         ] {
             let error = Cli::try_parse_from([&["biflag"], args.as_slice()].concat()).unwrap_err();
-            let said = answer::with_hint(error).to_string();
+            let said = usage::with_hint(error).to_string();
             assert!(said.contains(hint), "{said}");
         }
-        let pair = Cli::try_parse_from(["biflag", "simulate", "--speeds=50,x"]).unwrap_err();
-        assert!(!answer::with_hint(pair).to_string().contains("decimal point"));
+        for (args, wrong) in [
+            (vec!["simulate", "--speeds=50,x"], "decimal point"),
+            (vec!["record", "--speeds=50,10", "--virtual", "--seed", "1,5"], "decimal point"),
+            (vec!["info", "walk", "--bogus"], "'-- --bogus'"),
+        ] {
+            let error = Cli::try_parse_from([&["biflag"], args.as_slice()].concat()).unwrap_err();
+            assert!(!usage::with_hint(error).to_string().contains(wrong));
+        }
     }
 
     #[test]
