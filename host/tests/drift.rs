@@ -1,6 +1,6 @@
 //! Residual drift of the yaw of a real MPU6050 at rest for 655 s, and coverage of the stated uncertainty.
 
-use host::attitude::{Columns, Drift, Reading, Rest, Series, student_95};
+use host::attitude::{Columns, Drift, Reading, Rest, Series};
 use host::sensor::Sensor;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use biflag_log::MeasuredSensorMeta;
 use host::plan::Phases;
-use host::trial::{Budget, Judged};
+use host::trial::{CommonTo, Judged};
 use sim::params::Robot;
 use tests::synthetic_rig::{Motion, Part, Random, Rig, Start, each, known_but_for};
 
@@ -34,8 +34,8 @@ fn angles(motion: &Motion, part: &Part, known: MeasuredSensorMeta, phases: &Phas
     let rig = Rig { part: part.clone(), measured: Some(known), phases: *phases, start: Start::AtRest };
     let zeroed = Judged::of(rig.record(motion, &mut Random(77)).data).angles;
     let steady = zeroed.steady.expect("a run");
-    let [pitch, roll, _] = steady.tilt.expect("a rest");
-    (steady.angles_deg, [steady.yaw.expect("a rest"), pitch, roll].map(|budget: Budget| budget.sensor_u_deg()))
+    let u_deg = |k: usize| steady.budgets[k].as_ref().expect("a rest").common_to(CommonTo::Sensor).u_deg();
+    (steady.angles_deg, [0, 1, 2].map(u_deg))
 }
 
 /// The noise is that of the trial without the error, so that differences have none.

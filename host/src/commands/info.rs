@@ -149,7 +149,11 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
                 }
                 lines.add(
                     "of the yaw's ±",
-                    zeroed.steady.as_ref().and_then(|steady| steady.yaw.as_ref()).map_or_else(String::new, shares),
+                    zeroed
+                        .steady
+                        .as_ref()
+                        .and_then(|steady| steady.budgets[0].as_ref())
+                        .map_or_else(String::new, shares),
                 );
             }
         }
@@ -198,7 +202,7 @@ fn budget_of(angles: Option<&Angles>) -> &[AngleTerm] {
 
 /// Formats the largest causes of an uncertainty as one line.
 fn shares(budget: &Budget) -> String {
-    let mut terms: Vec<_> = budget.terms().iter().filter(|term| term.share >= LEAST_SHARE).collect();
+    let mut terms: Vec<_> = budget.terms().filter(|term| term.share >= LEAST_SHARE).collect();
     terms.sort_by(|a, b| b.share.total_cmp(&a.share));
     terms.iter().map(|term| format!("{} {:.0} %", term.name, 100.0 * term.share)).collect::<Vec<_>>().join(", ")
 }

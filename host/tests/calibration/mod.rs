@@ -11,10 +11,11 @@ mod hidden;
 
 use biflag_log::{BoardMeta, Condition, Identity, MeasuredSensorMeta, ModelMeta, Origin};
 use hidden::{Draw, Hidden, Part};
-use host::sensor::MeasuredSensor;
+use host::sensor::{AXES, Estimate, MeasuredSensor};
 use host::trial::{Data, Judged};
 use host::twin::calibrate::{Calibration, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
+use protocol::Settings;
 use sim::params::{Glycerol, Robot, Tank};
 
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
@@ -167,6 +168,21 @@ fn wrong_model_is_named() {
     assert!(!wrong.fit().is_described);
 }
 
+/// Returns the file of a sensor for which all measured errors are exactly zero.
+fn exact_sensor() -> String {
+    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+    for i in AXES {
+        ["gyro_scale", "accel_scale", "mounting_deg"].iter().for_each(|table| file.set(table, i, Estimate::default()));
+        for j in AXES {
+            file.set("gyro_g_dps", &format!("{i}{j}"), Estimate::default());
+            for table in ["gyro_cross", "accel_cross"].iter().filter(|_| i != j) {
+                file.set(table, &format!("{i}{j}"), Estimate::default());
+            }
+        }
+    }
+    file.to_toml()
+}
+
 /// Lines miss more of the swirl of a thick rod than of a thin one: verdicts and intervals of a trial of a real robot have the
 /// error of its own rods.
 #[test]
@@ -178,7 +194,7 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         let mut draw = Draw(14);
         let hidden = Hidden { robot: robot.clone(), ..Hidden::default() };
         let mut measured = hidden.trial([50.3, 10.7], &mut draw);
-        let text = MeasuredSensor::exact().to_toml();
+        let text = exact_sensor();
         measured.records.measured_sensor = Some(MeasuredSensorMeta { name: "sensor.toml".to_owned(), text });
         let mut modelled = measured.clone();
         measured.records.model = None;

@@ -8,7 +8,7 @@ use crate::swept::{self, MOST_SPREAD_DEG, Swept};
 use biflag_log::similar::did_you_mean;
 use sim::body::closure::Closure;
 use std::path::{Path, PathBuf};
-use study::attitude::student_95;
+use study::statistics::student_95;
 use study::sweep::{Folder, is_folder};
 use study::trial::AtSpeeds;
 use study::twin::Maker;

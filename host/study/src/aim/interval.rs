@@ -13,12 +13,12 @@ use super::error::AimError;
 use super::known::Known;
 use super::model::{Model, State, starts};
 use super::quantity::Attitude;
-use crate::attitude::student_95;
 use crate::plan::Fit;
+use crate::statistics::{effective_freedom, student_95};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
-use sim::functions::{cos, hypot, powi, sin};
+use sim::functions::{cos, hypot, sin};
 use sim::params::Robot;
 use std::f64::consts::TAU;
 
@@ -156,8 +156,7 @@ fn propagated(fit: &Fit, changes: &[Change], slopes: &[f64]) -> [f64; 2] {
         slopes.dot(&(of_changes * &slopes)).max(0.0)
     };
     let (all, scatter) = (variance(&fit.covariance), variance(&fit.scatter_covariance));
-    let degrees_of_freedom =
-        if scatter > 0.0 { fit.degrees_of_freedom * powi(all / scatter, 2) } else { f64::INFINITY };
+    let degrees_of_freedom = effective_freedom(all, std::iter::once((scatter, fit.degrees_of_freedom)));
     [all.sqrt(), student_95(degrees_of_freedom) * all.sqrt()]
 }
 

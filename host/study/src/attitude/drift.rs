@@ -262,8 +262,9 @@ fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], varianc
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Reading, student_95};
+    use super::super::Reading;
     use super::*;
+    use crate::statistics::student_95;
     use nalgebra::{UnitQuaternion, Vector3};
 
     const FROM_S: f64 = 19.5;

@@ -12,7 +12,6 @@ mod returns;
 mod series;
 mod smoother;
 mod still;
-mod student;
 mod track;
 
 pub use bias_noise::BiasNoise;
@@ -24,7 +23,6 @@ pub use series::Series;
 pub use sim::body::attitude::{euler_zyx, tilt_deg};
 pub use smoother::WARMING_DPS_PER_C;
 pub use still::{Motion, STILL_TILT_DPS, STILL_YAW_DPS, Still};
-pub use student::student_95;
 pub use track::{Columns, Track};
 
 use nalgebra::{Quaternion, UnitQuaternion};

@@ -177,7 +177,7 @@ fn an_angle_that_was_not_measured_has_no_uncertainty() {
     let zeroed = Judged::of(data.clone()).angles;
     let angles = zeroed.angles().unwrap();
     assert_eq!((angles.yaw_uncertainty_deg, angles.roll_uncertainty_deg), (Some(0.5), None));
-    let known = zeroed.causes(&data.times.run).map(|causes| causes.is_some());
+    let known = zeroed.budgets(&data.times.run).map(|budget| budget.is_some());
     assert_eq!(known, [true, true, false]);
     let over_time = zeroed.over_time(&[3.0], 1.0).map(|angle| angle.is_some());
     assert_eq!(over_time, [true, true, false], "a comparison judges the others, and no fit weighs the trial");
@@ -199,7 +199,7 @@ fn an_angle_of_one_value_was_not_measured() {
     let log = folder.path().join("a.mcap");
     write(&states, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() }, "a.csv", &log).unwrap();
     let data = Judged::read(&log, Want::default()).unwrap().data;
-    let known = Judged::of(data.clone()).angles.causes(&data.times.run).map(|causes| causes.is_some());
+    let known = Judged::of(data.clone()).angles.budgets(&data.times.run).map(|budget| budget.is_some());
     assert_eq!(known, [true, false, true]);
 }
 

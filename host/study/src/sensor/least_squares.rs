@@ -1,6 +1,6 @@
 //! Least squares with few unknowns, and their uncertainty from few repeats.
 
-use crate::attitude::student_95;
+use crate::statistics::student_95;
 use nalgebra::{DMatrix, DVector};
 
 /// Coefficients that fit observations, with their scatter.

@@ -12,7 +12,6 @@
 //! body's by small angles, the mounting: attitude_read = attitude · rotation(mounting).
 
 mod bias_noise;
-mod exact;
 mod file;
 mod gravity;
 mod least_squares;

@@ -14,57 +14,46 @@
 
 use crate::attitude::{ANGLE_WALK, WARMING_DPS_PER_C};
 use crate::sensor::Sensor;
+use crate::statistics::student_95;
 use crate::text::decimal;
 use sim::functions::{hypot, sin};
 use std::fmt;
-
-/// Half width of a 95 % interval in standard deviations.
-const COVERAGE: f64 = 1.96;
 
 /// Assumed rate at which the base warms in the first minutes of a run, °C/s: 2 °C in total with a time constant of 300
 /// s. The resulting drift cannot be measured while the motors turn.
 const WARMING_C_PER_S: f64 = 2.0 / 300.0;
 
-/// Error of the yaw by its causes, standard uncertainties in degrees.
+/// Error of the yaw by its causes, 95 % uncertainties in degrees.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct YawError {
-    scale: f64,
-    gravity: f64,
-    bias: f64,
-    warming: f64,
-    noise: f64,
-}
+pub struct YawError([(&'static str, f64); 5]);
 
 /// Returns the error of a yaw held for `time_s` after a rest of `rest_s`, by a robot with this tilt.
 pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, time_s: f64) -> YawError {
     let walk = sensor.angle_walk().map_or(ANGLE_WALK, |(walk, _)| walk);
     let gravity_dps = sensor.gyro_g_dps[2][0].u.max(sensor.gyro_g_dps[2][1].u) * sin(tilt_deg.to_radians());
     let slope = walk * (1.2 / rest_s).sqrt() * time_s;
-    YawError {
-        scale: sensor.gyro_scale[2].u * yaw_deg.abs(),
-        gravity: gravity_dps.abs() * time_s,
-        // The change of the mean bias since the rest.
-        bias: hypot(slope, sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
-        warming: WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s,
-        noise: walk * time_s.sqrt(),
-    }
+    // The change of the mean bias since the rest.
+    let change_dps = sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s));
+    let u_deg = [
+        ("scale", sensor.gyro_scale[2].u * yaw_deg.abs()),
+        ("gravity", gravity_dps.abs() * time_s),
+        ("bias", hypot(slope, change_dps * time_s)),
+        ("warming", WARMING_DPS_PER_C * WARMING_C_PER_S * 0.5 * (rest_s + time_s) * time_s),
+        ("noise", walk * time_s.sqrt()),
+    ];
+    YawError(u_deg.map(|(name, u_deg)| (name, student_95(f64::INFINITY) * u_deg)))
 }
 
 impl YawError {
-    fn terms(&self) -> [(&'static str, f64); 5] {
-        let Self { scale, gravity, bias, warming, noise } = *self;
-        [("scale", scale), ("gravity", gravity), ("bias", bias), ("warming", warming), ("noise", noise)]
-    }
-
     /// Returns the half width of the 95 % interval, degrees.
     pub fn uncertainty_deg(&self) -> f64 {
-        COVERAGE * self.terms().into_iter().map(|(_, u_deg)| u_deg).fold(0.0, hypot)
+        self.0.into_iter().map(|(_, deg)| deg).fold(0.0, hypot)
     }
 }
 
 impl fmt::Display for YawError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let terms = self.terms().map(|(name, u_deg)| format!("{name} {}°", decimal(COVERAGE * u_deg, 1)));
+        let terms = self.0.map(|(name, deg)| format!("{name} {}°", decimal(deg, 1)));
         write!(f, "± {}° ({})", decimal(self.uncertainty_deg(), 1), terms.join(", "))
     }
 }

@@ -20,10 +20,8 @@ const SETTLED_SHARE: f64 = 0.4;
 pub struct Steady {
     /// Yaw, pitch, roll.
     pub angles_deg: [f64; 3],
-    /// Uncertainty of the yaw; `None` if unknown, empty for a model.
-    pub yaw: Option<Budget>,
-    /// Uncertainty of pitch, roll and tilt; `None` if unknown, empty for a model.
-    pub tilt: Option<[Budget; 3]>,
+    /// Causes of uncertainty of yaw, pitch, roll and tilt; `None` if unknown, empty for a model.
+    pub budgets: [Option<Budget>; 4],
     /// 95 % uncertainties of yaw, pitch, roll and tilt that a model states; `None` if it states none, or for a measured trial.
     pub of_model: Option<[f64; 4]>,
     /// The drift that was removed from the yaw; `None` for a model.
@@ -96,10 +94,8 @@ impl Steady {
 
     /// Returns the causes of uncertainty of all angles.
     pub fn budget(&self) -> Vec<AngleTerm> {
-        let tilt = |k: usize| self.tilt.as_ref().map(|tilt| &tilt[k]);
-        let of = [("yaw", self.yaw.as_ref()), ("pitch", tilt(0)), ("roll", tilt(1)), ("tilt", tilt(2))];
-        let terms = of.into_iter().filter_map(|(angle, budget)| Some((angle, budget?)));
-        terms.flat_map(|(angle, budget)| budget.terms().iter().map(move |term| AngleTerm::new(angle, term))).collect()
+        let of = ["yaw", "pitch", "roll", "tilt"].into_iter().zip(&self.budgets);
+        of.filter_map(|(angle, budget)| Some(budget.as_ref()?.terms_of(angle))).flatten().collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The uncertainty of an angle as the sum of its causes (JCGM 100:2008, the GUM). Every stated ± comes from here.
 
-use crate::attitude::student_95;
+use crate::statistics::{effective_freedom, student_95};
 use serde::Serialize;
 use sim::functions::powi;
 
@@ -39,9 +39,10 @@ pub struct Term {
     pub share: f64,
     /// The values that share this error.
     pub common_to: CommonTo,
-    /// Degrees of freedom; infinite for type B.
+    /// The independent errors that it consists of: the effect of one standard uncertainty of each on the angle, degrees,
+    /// and its degrees of freedom, infinite for type B.
     #[serde(skip)]
-    pub degrees_of_freedom: f64,
+    pub(crate) parts: Vec<(f64, f64)>,
 }
 
 /// A cause of uncertainty of one of several angles.
@@ -54,114 +55,164 @@ pub struct AngleTerm {
     pub term: Term,
 }
 
-impl AngleTerm {
-    /// Returns a cause of an angle's uncertainty.
-    pub(crate) fn new(angle: &'static str, term: &Term) -> Self {
-        Self { angle, term: term.clone() }
-    }
-}
-
-/// The causes of the uncertainty of an angle.
-#[derive(Serialize, Clone, PartialEq, Debug, Default)]
-#[serde(transparent)]
+/// The causes of the uncertainty of an angle, to first order in each error: errors that are common to two angles cancel in
+/// their difference, instead of counting twice.
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Budget {
     terms: Vec<Term>,
 }
 
 impl Budget {
-    /// Creates a budget. Terms of zero are left out.
+    /// Creates a budget.
     pub fn new(terms: impl IntoIterator<Item = Term>) -> Self {
-        let mut terms: Vec<Term> = terms.into_iter().filter(|term| term.u_deg != 0.0).collect();
+        let mut terms: Vec<Term> = terms.into_iter().collect();
         let variance: f64 = terms.iter().map(|term| powi(term.u_deg, 2)).sum();
         terms.iter_mut().for_each(|term| term.share = powi(term.u_deg, 2) / variance);
         Self { terms }
     }
 
-    /// Returns the terms.
-    pub fn terms(&self) -> &[Term] {
-        &self.terms
+    /// Returns the terms that are not zero.
+    pub fn terms(&self) -> impl Iterator<Item = &Term> {
+        self.terms.iter().filter(|term| term.u_deg != 0.0)
+    }
+
+    /// Returns the terms as those of one of several angles.
+    pub(crate) fn terms_of(&self, angle: &'static str) -> impl Iterator<Item = AngleTerm> {
+        self.terms().map(move |term| AngleTerm { angle, term: term.clone() })
     }
 
     /// Returns the standard uncertainty of the angle, degrees.
     pub fn u_deg(&self) -> f64 {
+        // The sum of nothing would be -0.
         self.terms.iter().map(|term| powi(term.u_deg, 2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
-    /// Returns the part of the standard uncertainty that is common to all trials of a sensor, degrees.
-    pub fn sensor_u_deg(&self) -> f64 {
-        let common = self.terms.iter().filter(|term| term.common_to == CommonTo::Sensor);
-        // The sum of nothing would be -0.
-        common.map(|term| powi(term.u_deg, 2)).fold(0.0, |sum, square| sum + square).sqrt()
-    }
-
-    /// Returns the causes that belong to this trial alone.
+    /// Returns the causes that belong to this trial alone, or that all trials of its sensor share.
     #[must_use]
-    pub fn of_trial(&self) -> Self {
-        Self::new(self.terms.iter().filter(|term| term.common_to == CommonTo::Trial).cloned())
+    pub fn common_to(&self, common_to: CommonTo) -> Self {
+        Self::new(self.terms.iter().filter(|term| term.common_to == common_to).cloned())
     }
 
-    /// Returns the effective degrees of freedom by the formula of Welch and Satterthwaite (GUM, G.2b).
+    /// Returns the budget without a cause.
+    #[must_use]
+    pub(crate) fn without(&self, name: &str) -> Self {
+        Self::new(self.terms.iter().filter(|term| term.name != name).cloned())
+    }
+
+    /// Returns the effective degrees of freedom.
     pub fn degrees_of_freedom(&self) -> f64 {
-        let sum: f64 = self.terms.iter().map(|term| powi(term.u_deg, 4) / term.degrees_of_freedom).sum();
-        if sum > 0.0 { powi(self.u_deg(), 4) / sum } else { f64::INFINITY }
+        let parts = self.terms.iter().flat_map(|term| &term.parts);
+        effective_freedom(powi(self.u_deg(), 2), parts.map(|(effect, freedom)| (powi(*effect, 2), *freedom)))
     }
 
     /// Returns the half width of the 95 % interval, degrees.
     pub fn uncertainty_deg(&self) -> f64 {
-        if self.terms.is_empty() { 0.0 } else { student_95(self.degrees_of_freedom()) * self.u_deg() }
+        student_95(self.degrees_of_freedom()) * self.u_deg()
+    }
+
+    /// Returns the budget of the difference from another angle. Readings of one sensor have the same errors.
+    pub(crate) fn minus(&self, other: &Self, is_same_sensor: bool) -> Self {
+        let negative = |term: &Term| Term {
+            parts: term.parts.iter().map(|(effect, freedom)| (-effect, *freedom)).collect(),
+            ..term.clone()
+        };
+        let mut terms: Vec<Term> = other.terms.iter().map(negative).collect();
+        for term in &self.terms {
+            match terms.iter_mut().find(|sum| (sum.name, sum.common_to) == (term.name, term.common_to)) {
+                Some(sum) if is_same_sensor && term.common_to == CommonTo::Sensor => {
+                    sum.parts.iter_mut().zip(&term.parts).for_each(|(sum, part)| sum.0 += part.0);
+                }
+                Some(sum) => sum.parts.extend(&term.parts),
+                None => terms.push(term.clone()),
+            }
+        }
+        terms.sort_by_key(|term| term.common_to == CommonTo::Sensor);
+        Self::new(
+            terms
+                .into_iter()
+                .map(|term| Term { evaluation: term.evaluation, ..Term::new(term.name, term.common_to, term.parts) }),
+        )
+    }
+
+    /// Returns the covariance with another angle, degrees², due to the errors that all trials of one sensor share.
+    pub(crate) fn covariance_with(&self, other: &Self) -> f64 {
+        let of_sensor = |term: &&Term| term.common_to == CommonTo::Sensor;
+        let product = |term: &Term| -> Option<f64> {
+            let same = other.terms.iter().filter(of_sensor).find(|same| same.name == term.name)?;
+            Some(term.parts.iter().zip(&same.parts).map(|(one, other)| one.0 * other.0).sum())
+        };
+        self.terms.iter().filter(of_sensor).filter_map(product).sum()
     }
 }
 
 impl Term {
-    /// Returns a cause estimated from the readings of the trial.
-    pub fn of_trial(name: &'static str, u_deg: f64, degrees_of_freedom: f64) -> Self {
-        Self {
-            name,
-            evaluation: Evaluation::A,
-            u_deg,
-            sensitivity: None,
-            share: 0.0,
-            common_to: CommonTo::Trial,
-            degrees_of_freedom,
-        }
+    /// Returns a cause that consists of independent errors: their effects on the angle, degrees, and degrees of freedom.
+    pub(crate) fn new(name: &'static str, common_to: CommonTo, parts: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let parts: Vec<(f64, f64)> = parts.into_iter().collect();
+        let evaluation = if common_to == CommonTo::Trial { Evaluation::A } else { Evaluation::B };
+        let u_deg = parts.iter().map(|(effect, _)| powi(*effect, 2)).sum::<f64>().sqrt();
+        Self { name, evaluation, u_deg, sensitivity: None, share: 0.0, common_to, parts }
     }
 
-    /// Returns a cause in the sensor: `of` yields the sensitivity to each error and the error's standard uncertainty.
-    pub fn of_sensor(name: &'static str, of: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
-        Self {
-            name,
-            evaluation: Evaluation::B,
-            u_deg: of.clone().map(|(sensitivity, u)| powi(sensitivity * u, 2)).sum::<f64>().sqrt(),
-            sensitivity: Some(of.map(|(sensitivity, _)| powi(sensitivity, 2)).sum::<f64>().sqrt()),
-            share: 0.0,
-            common_to: CommonTo::Sensor,
-            degrees_of_freedom: f64::INFINITY,
-        }
+    /// Returns a cause estimated from the readings of the trial.
+    pub fn of_trial(name: &'static str, u_deg: f64, degrees_of_freedom: f64) -> Self {
+        Self::new(name, CommonTo::Trial, [(u_deg, degrees_of_freedom)])
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::SQRT_2;
 
     #[test]
     fn interval_has_the_effective_degrees_of_freedom() {
         // Two equal terms, one with 4 degrees of freedom: Welch and Satterthwaite give 16.
         let budget = Budget::new([
             Term::of_trial("noise", 0.3, 4.0),
-            Term::of_sensor("scale", [(10.0, 0.03), (5.0, 0.0)].into_iter()),
+            Term::new("scale", CommonTo::Sensor, [(0.3, f64::INFINITY), (0.0, f64::INFINITY)]),
             Term::of_trial("none", 0.0, 1.0),
         ]);
-        assert_eq!(budget.terms().len(), 2);
-        assert!((budget.u_deg() - 0.3 * 2f64.sqrt()).abs() < 1e-12);
+        let terms: Vec<_> = budget.terms().collect();
+        assert_eq!(terms.len(), 2);
+        assert!((budget.u_deg() - 0.3 * SQRT_2).abs() < 1e-12);
         assert!((budget.degrees_of_freedom() - 16.0).abs() < 1e-9);
-        assert!((budget.uncertainty_deg() - 2.12 * 0.3 * 2f64.sqrt()).abs() < 1e-3);
-        assert!((budget.terms()[0].share - 0.5).abs() < 1e-12 && (budget.sensor_u_deg() - 0.3).abs() < 1e-12);
-        let json = serde_json::to_value(&budget).unwrap();
+        assert!((budget.uncertainty_deg() - 2.12 * 0.3 * SQRT_2).abs() < 1e-3);
+        let of_sensor = budget.common_to(CommonTo::Sensor);
+        assert!((terms[0].share - 0.5).abs() < 1e-12 && (of_sensor.u_deg() - 0.3).abs() < 1e-12);
+        let json = serde_json::to_value(terms).unwrap();
         assert_eq!(
             (&json[0]["type"], &json[1]["type"], &json[1]["common_to"]),
             (&"A".into(), &"B".into(), &"sensor".into())
         );
         assert_eq!(Budget::default().uncertainty_deg(), 0.0);
+    }
+
+    fn budget(noise_deg: f64, scale_deg: f64) -> Budget {
+        let of_sensor = |name, deg: f64| Term::new(name, CommonTo::Sensor, [(deg, f64::INFINITY)]);
+        let noise = Term::of_trial("noise", noise_deg, 4.0);
+        Budget::new([noise, of_sensor("gyroscope scale", scale_deg), of_sensor("clock", 0.5 * scale_deg)])
+    }
+
+    #[test]
+    fn two_recordings_of_one_sensor_have_its_scale_error_once() {
+        let (one, other) = (budget(0.3, 2.0), budget(0.3, 2.2));
+        let same = other.minus(&one, true);
+        assert!((same.common_to(CommonTo::Sensor).u_deg() - 0.2 * 1.25f64.sqrt()).abs() < 1e-12, "{same:?}");
+        let own = same.common_to(CommonTo::Trial);
+        assert!((own.u_deg() - 0.3 * SQRT_2).abs() < 1e-12 && (own.degrees_of_freedom() - 8.0).abs() < 1e-9);
+        let others = other.minus(&one, false);
+        let of_sensors = others.common_to(CommonTo::Sensor).u_deg();
+        assert!((of_sensors - 2f64.hypot(2.2) * 1.25f64.sqrt()).abs() < 1e-12, "{others:?}");
+        let names: Vec<_> = others.terms().map(|term| term.name).collect();
+        assert_eq!(names, ["noise", "gyroscope scale", "clock"]);
+        assert!((one.covariance_with(&other) - 2.0 * 2.2 * 1.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn difference_from_a_model_has_the_uncertainty_of_the_recording() {
+        let difference = Budget::default().minus(&budget(0.3, -2.0), false);
+        assert!((difference.u_deg() - 0.3f64.hypot(2.0 * 1.25f64.sqrt())).abs() < 1e-12);
+        assert_eq!(Budget::default().minus(&Budget::default(), false).uncertainty_deg(), 0.0);
     }
 }

@@ -1,9 +1,9 @@
 //! The errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
 
-use super::budget::{Budget, CommonTo, Term};
-use super::causes::{Causes, OverTime, SENSOR_ERRORS};
+use super::budget::{Budget, CommonTo, Evaluation, Term};
 use super::clock::{self, ClockRate};
 use super::data::Data;
+use super::over_time::{OverTime, SENSOR_ERRORS};
 use super::sensitivity::{Sensitivities, Sensitivity, tilts_by_bias};
 use super::tilt_zero::TiltZero;
 use crate::attitude::{BiasNoise, Columns, Drift, Track, WARMING_DPS_PER_C};
@@ -38,15 +38,6 @@ pub(super) struct Errors {
     bias_noise: [BiasNoise; 3],
     from_s: f64,
     clock: ClockRate,
-}
-
-/// Effect on yaw, pitch and roll of one standard uncertainty of each error, degrees.
-struct Effects {
-    /// Errors common to all trials of the sensor: [`crate::sensor::Sensor::parameters`], then the clock unless the
-    /// trial has measured it.
-    common: [Vec<f64>; 3],
-    /// Effect on the yaw of a clock that the trial has measured.
-    measured_clock: f64,
 }
 
 impl Errors {
@@ -104,14 +95,15 @@ impl Errors {
 
     /// Returns the causes of uncertainty of the yaw at a time; `None` if the drift is unknown.
     pub fn yaw(&self, time_s: f64) -> Option<Budget> {
-        let own = self.drift_terms(time_s)?;
+        let drift = self.drift.as_ref()?;
+        let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
+        let bias = Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY);
         let [of_yaw, ..] = self.sensitivities.mean(&self.around(time_s));
-        let rotation_deg = of_yaw[PARAMETERS].abs();
-        let clock = Term { sensitivity: Some(rotation_deg), ..self.clock_term(rotation_deg * self.clock.error.u) };
-        Some(Budget::new(own.into_iter().chain(self.of_sensor(&of_yaw)).chain([clock])))
+        Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&of_yaw)).chain([self.clock_term(&of_yaw)])))
     }
 
-    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown.
+    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown. A rate of
+    /// the clock that the trial has measured has no effect on them.
     pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 3]> {
         let zero = self.tilt_zero.as_ref()?;
         let [_, of_pitch, of_roll] = self.sensitivities.mean(over);
@@ -119,7 +111,8 @@ impl Errors {
             let own = zero.terms(gradient, over.end - over.start);
             let sensitivity = std::array::from_fn(|i| gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]);
             let bias = self.bias_term(angles, over, gradient);
-            Budget::new(own.into_iter().chain([bias]).chain(self.of_sensor(&sensitivity)))
+            let clock = (!self.clock.is_measured).then(|| self.clock_term(&sensitivity));
+            Budget::new(own.into_iter().chain([bias]).chain(self.of_sensor(&sensitivity)).chain(clock))
         }))
     }
 
@@ -131,24 +124,7 @@ impl Errors {
         let bias_dps = self.bias_noise.map(|noise| hypot(noise.change_dps(&zero, over), WARMING_DPS_PER_C * warming_c));
         let [of_pitch, of_roll] = tilts_by_bias(mean_tilt_deg(angles, over), self.filter_s);
         let by_axis = |i: usize| (gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]) * bias_dps[i];
-        Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, hypot), f64::INFINITY)
-    }
-
-    /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each sensor error.
-    pub fn causes(&self, angles: &Columns<3>, over: &Range<f64>) -> [Option<Causes>; 3] {
-        let middle_s = 0.5 * (over.start + over.end);
-        let Effects { common: [of_yaw, ..], measured_clock } = self.effects(&self.around(middle_s));
-        let Effects { common: [_, of_pitch, of_roll], .. } = self.effects(over);
-        let yaw = self.drift_terms(middle_s).map(|own| {
-            let clock = (measured_clock != 0.0).then(|| self.clock_term(measured_clock));
-            Causes { own: own.into_iter().chain(clock).collect(), effects_deg: of_yaw }
-        });
-        let tilt = |gradient: [f64; 2], effects_deg: Vec<f64>| {
-            let own = self.tilt_zero.as_ref()?.terms(gradient, over.end - over.start);
-            let bias = self.bias_term(angles, over, gradient);
-            Some(Causes { own: own.into_iter().chain([bias]).collect(), effects_deg })
-        };
-        [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
+        Term::new("gyroscope bias", CommonTo::Trial, [0, 1, 2].map(|i| (by_axis(i), f64::INFINITY)))
     }
 
     /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; `None` for the
@@ -159,45 +135,41 @@ impl Errors {
         let constant = |tilt: usize| Some(DMatrix::from_element(times.len(), times.len(), zero?.variance(tilt)));
         let mut own = [drift, constant(0), constant(1)];
         let blocks: Vec<_> = times.iter().map(|time| time - 0.5 * block_s..time + 0.5 * block_s).collect();
-        let effects: Vec<_> = blocks.iter().map(|block| self.effects(block)).collect();
-        let of_trial = |(block, effects): (&Range<f64>, &Effects)| {
+        let sensitivities: Vec<Sensitivity> = blocks.iter().map(|block| self.sensitivities.mean(block)).collect();
+        // The clock of a trial that has measured it is its own.
+        let [own_clock_u, clock_u] =
+            if self.clock.is_measured { [self.clock.error.u, 0.0] } else { [0.0, self.clock.error.u] };
+        let of_trial = |(block, of): (&Range<f64>, &Sensitivity)| {
             let [pitch, roll] = [PITCH, ROLL].map(|gradient| self.bias_term(angles, block, gradient).u_deg);
-            [effects.measured_clock, pitch, roll]
+            [of[0][PARAMETERS] * own_clock_u, pitch, roll]
         };
-        let wholly: Vec<_> = blocks.iter().zip(&effects).map(of_trial).collect();
+        let wholly: Vec<_> = blocks.iter().zip(&sensitivities).map(of_trial).collect();
         let block_variance = |tilt: usize| zero.map_or(0.0, |zero| zero.block_variance(tilt));
         let block_variances = [0.0, block_variance(0), block_variance(1)];
         [0, 1, 2].map(|angle| {
             let mut own = own[angle].take()?;
+            let mut effects = DMatrix::zeros(times.len(), SENSOR_ERRORS);
             for i in 0..times.len() {
                 for j in 0..times.len() {
                     own[(i, j)] += wholly[i][angle] * wholly[j][angle];
                 }
+                let of = &sensitivities[i][angle];
+                effects.view_mut((i, 0), (1, PARAMETERS)).copy_from(&self.of_each(of));
+                effects[(i, PARAMETERS)] = of[PARAMETERS] * clock_u;
             }
-            let effects = DMatrix::from_fn(times.len(), SENSOR_ERRORS, |i, k| effects[i].common[angle][k]);
             Some(OverTime { own, effects, block_variance: block_variances[angle] })
         })
     }
 
-    fn effects(&self, over: &Range<f64>) -> Effects {
-        let of: Sensitivity = self.sensitivities.mean(over);
-        let clock_u = if self.clock.is_measured { 0.0 } else { self.clock.error.u };
-        let common = [0, 1, 2]
-            .map(|angle| self.of_each(&of[angle]).iter().copied().chain([of[angle][PARAMETERS] * clock_u]).collect());
-        let measured_clock = if self.clock.is_measured { of[0][PARAMETERS] * self.clock.error.u } else { 0.0 };
-        Effects { common, measured_clock }
-    }
-
-    /// Returns the effects of the trial's own gyroscope noise and bias on the yaw.
-    fn drift_terms(&self, time_s: f64) -> Option<[Term; 2]> {
-        let drift = self.drift.as_ref()?;
-        let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
-        Some([noise, Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY)])
-    }
-
-    fn clock_term(&self, u_deg: f64) -> Term {
+    /// Returns the effect of the board's clock on an angle.
+    fn clock_term(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> Term {
+        let rotation_deg = sensitivity[PARAMETERS];
         let common_to = if self.clock.is_measured { CommonTo::Trial } else { CommonTo::Sensor };
-        Term { common_to, ..Term::of_sensor("clock", std::iter::once((u_deg, 1.0))) }
+        Term {
+            evaluation: Evaluation::B,
+            sensitivity: Some(rotation_deg.abs()),
+            ..Term::new("clock", common_to, [(rotation_deg * self.clock.error.u, f64::INFINITY)])
+        }
     }
 
     /// Returns the effect of each independent sensor error on an angle, degrees.
@@ -209,10 +181,9 @@ impl Errors {
     /// errors.
     fn of_sensor(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> impl Iterator<Item = Term> {
         let each = self.of_each(sensitivity);
-        GROUPS.iter().map(move |group| {
-            let of_group = group.range.clone().map(|i| (each[i], 1.0));
-            let sensitivity = sensitivity[group.range.clone()].iter().copied().fold(0.0, hypot);
-            Term { sensitivity: Some(sensitivity), ..Term::of_sensor(group.name, of_group) }
+        GROUPS.iter().map(move |group| Term {
+            sensitivity: Some(sensitivity[group.range.clone()].iter().copied().fold(0.0, hypot)),
+            ..Term::new(group.name, CommonTo::Sensor, group.range.clone().map(|i| (each[i], f64::INFINITY)))
         })
     }
 }

@@ -1,9 +1,10 @@
 //! A trial measured by other instruments: its readings, and the errors that its import states.
 
 use super::budget::{Budget, Evaluation, Term};
-use super::causes::{Causes, OverTime};
 use super::data::MOTORS;
-use crate::attitude::{Columns, Reading, student_95};
+use super::over_time::OverTime;
+use crate::attitude::{Columns, Reading};
+use crate::statistics::student_95;
 use biflag_log::ImportMeta;
 use nalgebra::DMatrix;
 use sim::body::attitude::of_euler_zyx;
@@ -59,25 +60,10 @@ impl Stated {
         Some(Self { u_deg: [u_deg("yaw", yaw), u_deg("pitch", tilt), u_deg("roll", tilt)] })
     }
 
-    fn term(&self, angle: usize) -> Option<Term> {
+    /// Returns the cause of uncertainty of yaw, pitch or roll; `None` if it was not measured.
+    pub fn budget(&self, angle: usize) -> Option<Budget> {
         let of_trial = Term::of_trial(INSTRUMENT, self.u_deg[angle]?, f64::INFINITY);
-        Some(Term { evaluation: Evaluation::B, ..of_trial })
-    }
-
-    /// Returns the causes of uncertainty of the yaw; `None` if it was not measured.
-    pub fn yaw(&self) -> Option<Budget> {
-        Some(Budget::new([self.term(0)?]))
-    }
-
-    /// Returns the causes of uncertainty of pitch, roll and tilt; `None` if pitch or roll was not measured.
-    pub fn tilts(&self) -> Option<[Budget; 3]> {
-        let (pitch, roll) = (self.term(1)?, self.term(2)?);
-        Some([pitch.clone(), roll, pitch].map(|term| Budget::new([term])))
-    }
-
-    /// Returns the causes of uncertainty of yaw, pitch and roll; `None` for an angle that was not measured.
-    pub fn causes(&self) -> [Option<Causes>; 3] {
-        [0, 1, 2].map(|angle| Some(Causes { own: vec![self.term(angle)?], effects_deg: Vec::new() }))
+        Some(Budget::new([Term { evaluation: Evaluation::B, ..of_trial }]))
     }
 
     /// Returns the uncertainty at a number of times; `None` for an angle that was not measured. The import does not state

@@ -3,9 +3,9 @@
 //!
 //! Errors common to all trials of a sensor do not scatter, so only the trial's own part of the budget is compared.
 
-use super::budget::Budget;
+use super::budget::{Budget, CommonTo};
 use super::judged::Judged;
-use crate::statistics::variance_ratio;
+use crate::statistics::{effective_freedom, variance_ratio};
 use serde::Serialize;
 use sim::functions::powi;
 
@@ -32,14 +32,14 @@ impl Repeat {
     pub fn new(trial: &Judged) -> Option<Self> {
         let Judged { data, angles: zeroed, .. } = trial;
         let steady = zeroed.steady.as_ref().filter(|_| !data.is_model() && data.is_complete())?;
-        let tilt = |k: usize| steady.tilt.as_ref().map(|tilt| tilt[k].of_trial());
+        let own = |k: usize| steady.budgets[k].as_ref().map(|budget| budget.common_to(CommonTo::Trial));
         let trial = data.trial();
         Some(Self {
             name: trial.name,
             speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
             reverse: data.reverse(),
             angles_deg: steady.angles_deg,
-            own: [steady.yaw.as_ref().map(Budget::of_trial), tilt(0), tilt(1)],
+            own: [0, 1, 2].map(own),
         })
     }
 }
@@ -112,10 +112,9 @@ fn scatter(set: &[&Repeat], k: usize, angle: &'static str) -> Option<Scatter> {
     let (count, freedom) = (set.len() as f64, set.len() as f64 - 1.0);
     let mean = set.iter().map(|trial| trial.angles_deg[k]).sum::<f64>() / count;
     let variance = set.iter().map(|trial| powi(trial.angles_deg[k] - mean, 2)).sum::<f64>() / freedom;
-    // The budgets' own degrees of freedom, together (Welch and Satterthwaite).
-    let sum: f64 = own.iter().map(|budget| powi(budget.u_deg(), 2)).sum();
-    let spread: f64 = own.iter().map(|budget| powi(budget.u_deg(), 4) / budget.degrees_of_freedom()).sum();
-    let known_with = if spread > 0.0 { sum * sum / spread } else { f64::INFINITY };
+    let parts = own.iter().map(|budget| (powi(budget.u_deg(), 2), budget.degrees_of_freedom()));
+    let sum: f64 = parts.clone().map(|(variance, _)| variance).sum();
+    let known_with = effective_freedom(sum, parts);
     let (scatter_deg, budget_deg) = (variance.sqrt(), (sum / count).sqrt());
     let by_chance_deg = CHANCE.map(|p| budget_deg * variance_ratio(p, freedom, known_with).sqrt());
     let judgement = match scatter_deg {
@@ -162,9 +161,10 @@ mod tests {
     fn repeat(name: &str, speeds_rpm: [f64; 2], yaw_deg: f64, noise_deg: f64) -> Repeat {
         let budget = Budget::new([
             Term::of_trial("noise", noise_deg, f64::INFINITY),
-            Term::of_sensor("scale", std::iter::once((100.0, 0.02))),
+            Term::new("scale", CommonTo::Sensor, [(2.0, f64::INFINITY)]),
         ]);
-        let own = [Some(budget.of_trial()), None, Some(budget.of_trial())];
+        let own = Some(budget.common_to(CommonTo::Trial));
+        let own = [own.clone(), None, own];
         Repeat { name: name.to_owned(), speeds_rpm, reverse: None, angles_deg: [yaw_deg, 0.0, 0.0], own }
     }
 

@@ -18,7 +18,7 @@
 //! The quantities that the filter follows are integrated in the world's axes, e' = (a - e)/τ, which is also correct
 //! while a turn begins or ends.
 
-use super::causes::SENSOR_ERRORS;
+use super::over_time::SENSOR_ERRORS;
 use crate::attitude::Columns;
 use crate::sensor::PARAMETERS;
 use nalgebra::{UnitQuaternion, Vector3};

@@ -1,7 +1,7 @@
 //! The zero of the tilt at rest, with its noise and a possible remaining motion.
 
 use super::blocks::BLOCK_S;
-use super::budget::Term;
+use super::budget::{CommonTo, Term};
 use super::rest_fit::RestFit;
 use super::righting::Righting;
 use crate::attitude::Track;
@@ -48,17 +48,10 @@ impl TiltZero {
     /// Returns the causes of uncertainty of an angle averaged over `window_s`. `gradient`: its derivatives with respect
     /// to pitch and roll.
     pub fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
-        let sum = |u_deg: [f64; 2], freedom: [f64; 2]| {
-            let variances = [0, 1].map(|k| powi(gradient[k] * u_deg[k], 2));
-            let variance: f64 = variances.iter().sum();
-            // Welch and Satterthwaite.
-            let parts: f64 = variances.iter().zip(freedom).map(|(part, freedom)| part * part / freedom).sum();
-            (variance.sqrt(), if parts > 0.0 { variance * variance / parts } else { f64::INFINITY })
-        };
         let noise = |fit: RestFit| fit.variance(window_s.max(BLOCK_S), self.filter_s) + self.zero_variance(fit);
-        let (noise_deg, freedom) = sum(self.fits.map(|fit| noise(fit).sqrt()), self.fits.map(|fit| fit.freedom));
-        let (moved_deg, _) = sum(self.moved_deg, [f64::INFINITY; 2]);
-        [Term::of_trial("noise", noise_deg, freedom), Term::of_trial("motion at rest", moved_deg, f64::INFINITY)]
+        let noises = [0, 1].map(|k| (gradient[k] * noise(self.fits[k]).sqrt(), self.fits[k].freedom));
+        let motions = [0, 1].map(|k| (gradient[k] * self.moved_deg[k], f64::INFINITY));
+        [("noise", noises), ("motion at rest", motions)].map(|(name, parts)| Term::new(name, CommonTo::Trial, parts))
     }
 
     /// Returns the variance of the mean of a block of pitch (0) or roll (1), degrees².

@@ -11,11 +11,11 @@ use super::angles::{Angles, Steady, swing_s};
 use super::back_at_zero;
 use super::blocks::end_of;
 use super::budget::Budget;
-use super::causes::{Causes, OverTime};
 use super::data::Data;
 use super::errors::{self, Errors};
 use super::import_rest;
 use super::imported::Stated;
+use super::over_time::OverTime;
 use super::rest::{AtRest, START_S};
 use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
@@ -93,7 +93,7 @@ impl Zeroed {
     pub(super) fn judge(&mut self, is_unsure: bool) {
         self.is_unsure = is_unsure;
         if is_unsure {
-            self.steady.iter_mut().for_each(|steady| (steady.yaw, steady.tilt, steady.of_model) = (None, None, None));
+            self.steady.iter_mut().for_each(|steady| (steady.budgets, steady.of_model) = Default::default());
             return;
         }
         let span = self.span();
@@ -221,7 +221,7 @@ impl Zeroed {
         let motion = import_rest::moved(angles_deg.tracks(), &data.times.preroll);
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         let stated = Stated::of(data.records.import.as_ref());
-        let stated_deg = stated.and_then(|stated| stated.yaw()).map_or(0.0, |yaw| yaw.uncertainty_deg());
+        let stated_deg = stated.and_then(|stated| stated.budget(0)).map_or(0.0, |yaw| yaw.uncertainty_deg());
         let not_back = |_| {
             let yaw_s = time_constants(data).map_or(f64::INFINITY, |constants| constants.yaw_s);
             back_at_zero::not_back(data, angles_deg.track(0), stated_deg, yaw_s)
@@ -273,20 +273,19 @@ impl Zeroed {
         let steady = self.steady.as_ref()?;
         let [yaw_deg, pitch_deg, roll_deg] = steady.angles_deg;
         let after = self.drift().into_iter().flat_map(|drift| &drift.still).find(|still| still.start >= self.run.end);
-        let known = |k: usize, budget: Option<&Budget>| match self.is_model() {
+        let known = |k: usize| match self.is_model() {
             true => steady.of_model.map(|known| known[k]),
-            false => budget.map(Budget::uncertainty_deg),
+            false => steady.budgets[k].as_ref().map(Budget::uncertainty_deg),
         };
-        let tilt = |k: usize| known(k + 1, steady.tilt.as_ref().map(|tilt| &tilt[k]));
         Some(Angles {
             yaw_deg,
-            yaw_uncertainty_deg: known(0, steady.yaw.as_ref()),
+            yaw_uncertainty_deg: known(0),
             pitch_deg,
-            pitch_uncertainty_deg: tilt(0),
+            pitch_uncertainty_deg: known(1),
             roll_deg,
-            roll_uncertainty_deg: tilt(1),
+            roll_uncertainty_deg: known(2),
             tilt_deg: tilt_deg(pitch_deg, roll_deg),
-            tilt_uncertainty_deg: tilt(2),
+            tilt_uncertainty_deg: known(3),
             drift_deg: steady.drift_deg,
             still_after_s: self.is_recorded().then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
@@ -332,10 +331,10 @@ impl Zeroed {
                 (angles, steady.settled, steady.settled.then_some(steady.settle_s), window)
             }
         };
+        let [pitch, roll, tilt] = self.steady_tilts(&window).map_or([None, None, None], |tilts| tilts.map(Some));
         Some(Steady {
             angles_deg,
-            yaw: self.yaw_budget(middle),
-            tilt: self.tilt_budgets(&window),
+            budgets: [self.yaw_budget(middle), pitch, roll, tilt],
             of_model: own.and_then(|own| uncertainties_of_model(&own.values)),
             drift_deg: self.is_recorded().then(|| self.yaw_drift(middle)),
             window,
@@ -356,19 +355,30 @@ impl Zeroed {
             _ if self.is_unsure => None,
             Known::Exact => Some(Budget::default()),
             Known::Sensor(errors) => errors.yaw(time_s),
-            Known::Stated(stated) => stated.and_then(|stated| stated.yaw()),
+            Known::Stated(stated) => stated.and_then(|stated| stated.budget(0)),
         }
     }
 
     /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time, like [`Self::yaw_budget`].
-    pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
+    fn tilt_budgets(&self, over: &Range<f64>) -> [Option<Budget>; 3] {
         match &self.known {
             // For instance, no uncertainty can be stated for a zero without a rest.
-            _ if self.is_unsure => None,
-            Known::Exact => Some(Default::default()),
-            Known::Sensor(errors) => errors.tilts(&self.angles_deg, over),
-            Known::Stated(stated) => stated.and_then(|stated| stated.tilts()),
+            _ if self.is_unsure => [None, None, None],
+            Known::Exact => std::array::from_fn(|_| Some(Budget::default())),
+            Known::Sensor(errors) => errors.tilts(&self.angles_deg, over).map_or([None, None, None], |of| of.map(Some)),
+            Known::Stated(stated) => {
+                let [pitch, roll] = [1, 2].map(|angle| stated.and_then(|stated| stated.budget(angle)));
+                let tilt = pitch.clone().filter(|_| roll.is_some());
+                [pitch, roll, tilt]
+            }
         }
+    }
+
+    /// Returns the causes of uncertainty of steady pitch, roll and tilt over a time, if all three are known. The clock is none
+    /// of them.
+    fn steady_tilts(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
+        let [Some(pitch), Some(roll), Some(tilt)] = self.tilt_budgets(over) else { return None };
+        Some([pitch, roll, tilt].map(|budget| budget.without("clock")))
     }
 
     /// Returns the 95 % uncertainty of the yaw at a time, degrees, interpolated between seconds for curves; 0 for a
@@ -379,19 +389,15 @@ impl Zeroed {
 
     /// Returns the 95 % uncertainty of mean pitch and roll over a time, degrees, like [`Self::yaw_uncertainty`].
     pub fn tilt_uncertainty(&self, over: &Range<f64>) -> Option<[f64; 2]> {
-        let [pitch, roll, _] = self.tilt_budgets(over)?;
+        let [pitch, roll, _] = self.steady_tilts(over)?;
         Some([pitch.uncertainty_deg(), roll.uncertainty_deg()])
     }
 
     /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time; none for a model, `None` as for
     /// [`Self::yaw_budget`].
-    pub(crate) fn causes(&self, over: &Range<f64>) -> [Option<Causes>; 3] {
-        match &self.known {
-            _ if self.is_unsure => [None, None, None],
-            Known::Exact => std::array::from_fn(|_| Some(Causes::default())),
-            Known::Sensor(errors) => errors.causes(&self.angles_deg, over),
-            Known::Stated(stated) => stated.map_or([None, None, None], |stated| stated.causes()),
-        }
+    pub(crate) fn budgets(&self, over: &Range<f64>) -> [Option<Budget>; 3] {
+        let [pitch, roll, _] = self.tilt_budgets(over);
+        [self.yaw_budget(0.5 * (over.start + over.end)), pitch, roll]
     }
 
     /// Returns the uncertainty of mean yaw, pitch and roll over blocks of length `block_s` around times; exact for a model, `None` as

@@ -229,7 +229,8 @@ fn prepare(
         && !is_known
         && [Origin::Rig, Origin::Imported].contains(&data.origin())
         && robot.flagellum.phase_deg == [0.0; 2];
-    let is_weighed = data.origin() != Origin::Imported || zeroed.causes(&zeroed.seen_run()).iter().all(Option::is_some);
+    let is_weighed =
+        data.origin() != Origin::Imported || zeroed.budgets(&zeroed.seen_run()).iter().all(Option::is_some);
     let needs_phase = needs_phase.then_some(if is_weighed { PhaseCure::Fit } else { PhaseCure::State });
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);

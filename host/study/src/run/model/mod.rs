@@ -8,6 +8,7 @@
 mod batch;
 mod board;
 mod error;
+mod log;
 mod motion;
 mod motors;
 mod phases;

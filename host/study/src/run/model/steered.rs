@@ -1,13 +1,11 @@
 //! A steered trial in the model, with the delay of a rig and the ramp of its motors.
 
-use super::board::IdealBoard;
+use super::log::{ModelLog, change, instant};
 use super::motors::Motors;
-use super::trial::instant;
 use super::{Model, ModelError};
-use crate::plan::{Phase, Plan, Setpoint, Trial, board};
-use crate::run;
+use crate::plan::{Phase, Plan, Setpoint, Trial};
 use crate::steer::{Measured, PERIOD_US, SteerError, Steering, Tally, Times};
-use biflag_log::{End, EventKind, Origin, SteerMeta, Summary};
+use biflag_log::{End, EventKind, SteerMeta, Summary};
 use miette::Diagnostic;
 use nalgebra::Vector3;
 use protocol::State;
@@ -66,7 +64,7 @@ pub fn steer(
     let steps = (trial.phases.run_s / PERIOD_S).round().max(1.0) as u64;
     let error = (0..steps).find_map(|step| run.step(step, steering, goes_on).err());
     let error = error.filter(|error| !matches!(error, SteeredError::Steer(SteerError::Over)));
-    let mut summary = Summary {
+    let summary = Summary {
         end: match &error {
             None => End::Complete,
             Some(SteeredError::Model(ModelError::Interrupted)) => End::Aborted,
@@ -75,25 +73,21 @@ pub fn steer(
         reason: error.as_ref().map(ToString::to_string).unwrap_or_default(),
         ..Summary::default()
     };
-    summary.link.samples = run.index;
-    run.event(EventKind::Phase, Phase::End.name())?;
-    run.kept.finish(&mut summary)?;
+    run.log.event(run.log.kept.log.time_s(), EventKind::Phase, Phase::End.name())?;
+    run.log.finish(summary)?;
     Ok(Steered { tally: run.tally, error })
 }
 
 struct Run<'a> {
     name: &'a str,
     robot: sim::trial::Trial,
-    board: IdealBoard,
-    kept: run::Recorder,
+    log: ModelLog,
     tally: Tally,
     motors: Motors,
     /// The set-point in force.
     target: [CentiRpm; 2],
     /// Time and rate of the last sample.
     last: Option<(f64, Vector3<f64>)>,
-    /// Number of samples.
-    index: u64,
 }
 
 impl<'a> Run<'a> {
@@ -102,29 +96,14 @@ impl<'a> Run<'a> {
         plan: &Plan,
         trial: &'a Trial,
         meta: &SteerMeta,
-        (attempt, path): (u32, &Path),
+        attempt: (u32, &Path),
     ) -> Result<Self, ModelError> {
         let robot = sim::trial::Trial::open(&model.robot, model.closure, model.options, REACH_S)?;
-        let board = IdealBoard::new(&model.robot, model.settings);
-        let board_meta = board::to_log(&board.info(), &model.settings);
-        let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), instant(0.0));
-        let mut kept = run::Recorder::create(path, &start, model.settings, instant(0.0))?;
-        kept.model(model.meta())?;
-        kept.steer(meta)?;
-        let mut run = Self {
-            name: &trial.name,
-            robot,
-            board,
-            kept,
-            tally: Tally::default(),
-            motors: Motors::default(),
-            target: [CentiRpm(0); 2],
-            last: None,
-            index: 0,
-        };
-        run.kept.log.at(0.0);
-        run.event(EventKind::Phase, Phase::Run.name())?;
-        Ok(run)
+        let mut log = ModelLog::create(model, plan, trial, attempt)?;
+        log.kept.steer(meta)?;
+        log.event(0.0, EventKind::Phase, Phase::Run.name())?;
+        let (tally, motors) = (Tally::default(), Motors::default());
+        Ok(Self { name: &trial.name, robot, log, tally, motors, target: [CentiRpm(0); 2], last: None })
     }
 
     /// Asks the pilot, and advances the model by one period.
@@ -147,7 +126,7 @@ impl<'a> Run<'a> {
         let in_force_us = Some(time_us + (DELAY_S * 1e6) as u64);
         let times = Times { due_us: time_us, observed_us: time_us, in_force_us };
         self.record()?;
-        self.kept.set_point(&times, &set_point, instant(time_s)).map_err(ModelError::from)?;
+        self.log.kept.set_point(&times, &set_point, instant(time_s)).map_err(ModelError::from)?;
         self.tally.add(&times);
         Ok(())
     }
@@ -170,18 +149,10 @@ impl<'a> Run<'a> {
     }
 
     fn keep(&mut self, sample: &Sample) -> Result<(), ModelError> {
-        let rate = Vector3::from(sample.rate_rad_s);
-        let (before_s, before) = self.last.replace((sample.time_s, rate)).unwrap_or((sample.time_s, rate));
-        let passed_s = sample.time_s - before_s;
-        let acceleration = if passed_s > 0.0 { (rate - before) / passed_s } else { Vector3::zeros() };
+        let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
+        let before = self.last.replace(now).unwrap_or(now);
         let state = if self.target == [CentiRpm(0); 2] { State::Idle } else { State::Running };
-        let setpoint = Setpoint { state, target: self.target };
-        let frame = self.board.telemetry(self.index, sample, acceleration, setpoint);
-        let host = instant(sample.time_s);
-        self.kept.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
-        self.kept.sample(sample, host)?;
-        self.index += 1;
-        Ok(())
+        Ok(self.log.sample(sample, change(before, now), Setpoint { state, target: self.target })?)
     }
 
     /// Returns the robot's present state.
@@ -199,14 +170,8 @@ impl<'a> Run<'a> {
             turns: motors.map(|motor| motor.angle / TAU),
         }
     }
-
-    fn event(&mut self, kind: EventKind, text: &str) -> Result<(), ModelError> {
-        let time_s = self.kept.log.time_s();
-        Ok(self.kept.event(kind, text, instant(time_s))?)
-    }
 }
 
-/// Returns the host time of a modelled trial, which begins at the epoch.
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,11 +1,9 @@
 //! Runs one trial in the simulator, writing the solver's samples into the log.
 
-use super::board::IdealBoard;
+use super::log::{ModelLog, change, instant};
 use super::{Model, ModelError, Motion};
-use crate::plan::board;
 use crate::plan::{Change, Phase, Phases, Plan, Schedule, Setpoint, Trial};
-use crate::run;
-use biflag_log::{End, EventKind, LogError, Origin, ReplayMeta, SteadyMeta, Summary};
+use biflag_log::{End, EventKind, LogError, ReplayMeta, SteadyMeta, Summary};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
@@ -15,7 +13,6 @@ use sim::step::StepError;
 use sim::trial::profile::{self, SpeedProfile};
 use sim::trial::sample::Sample;
 use std::path::Path;
-use std::time::{Duration, SystemTime};
 
 /// The course of a modelled trial: its schedule, and the speeds of its motors.
 #[derive(Clone, Debug)]
@@ -105,16 +102,13 @@ pub fn write_log(
 }
 
 struct Recorder<'a> {
-    trial: run::Recorder,
+    log: ModelLog,
     /// The name of the trial.
     name: &'a str,
-    board: IdealBoard,
     schedule: &'a Schedule,
     /// Number of events that have passed.
     taken: usize,
     bundling: BundlingHistory,
-    /// Number of samples recorded.
-    index: u64,
 }
 
 impl<'a> Recorder<'a> {
@@ -123,39 +117,26 @@ impl<'a> Recorder<'a> {
         plan: &Plan,
         trial: &'a Trial,
         (schedule, replay): (&'a Schedule, Option<&ReplayMeta>),
-        (attempt, path): (u32, &Path),
+        attempt: (u32, &Path),
     ) -> Result<Self, LogError> {
-        let board = IdealBoard::new(&model.robot, model.settings);
-        let board_meta = board::to_log(&board.info(), &model.settings);
-        let epoch = SystemTime::UNIX_EPOCH;
-        let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
-        let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
-        kept.model(model.meta())?;
+        let mut log = ModelLog::create(model, plan, trial, attempt)?;
         if let Some(replay) = replay {
-            kept.log.meta(replay)?;
+            log.kept.log.meta(replay)?;
         }
-        let (name, bundling) = (&trial.name, BundlingHistory::default());
-        Ok(Self { trial: kept, name, board, schedule, taken: 0, bundling, index: 0 })
+        Ok(Self { log, name: &trial.name, schedule, taken: 0, bundling: BundlingHistory::default() })
     }
 
     /// Ends the log with the steady state.
     fn complete(mut self, steady: &SteadyMeta) -> Result<(), LogError> {
-        self.trial.log.meta(steady)?;
+        self.log.kept.log.meta(steady)?;
         let known = |deg: f64| Some(deg).filter(|deg| deg.is_finite());
         let [yaw_deg, pitch_deg, roll_deg] = steady.values.angles_deg().map(known);
-        let mut summary = Summary { end: End::Complete, yaw_deg, pitch_deg, roll_deg, ..Summary::default() };
-        self.finish(&mut summary)
+        self.log.finish(Summary { end: End::Complete, yaw_deg, pitch_deg, roll_deg, ..Summary::default() })
     }
 
     /// Ends the log with the failure of the solver.
     fn fail(self, error: &StepError) -> Result<(), LogError> {
-        self.finish(&mut Summary { reason: error.to_string(), ..Summary::default() })
-    }
-
-    fn finish(self, summary: &mut Summary) -> Result<(), LogError> {
-        summary.link.samples = self.index;
-        self.trial.finish(summary)?;
-        Ok(())
+        self.log.finish(Summary { reason: error.to_string(), ..Summary::default() })
     }
 
     fn record(
@@ -181,23 +162,18 @@ impl<'a> Recorder<'a> {
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }
-        Ok(self.event(self.schedule.end_s(), EventKind::Phase, Phase::End.name())?)
+        Ok(self.log.event(self.schedule.end_s(), EventKind::Phase, Phase::End.name())?)
     }
 
     fn keep(&mut self, sample: &Sample, angular_acceleration: Vector3<f64>) -> Result<(), LogError> {
         self.take_events(sample.time_s)?;
         if let Some(BundlingChange { time_s, bundling }) = self.bundling.push(sample.time_s, sample.bundling) {
             let state = format!("{bundling:?}").to_lowercase();
-            self.event(sample.time_s, EventKind::Note, &format!("flagella {state} since {time_s:.2} s"))?;
+            self.log.event(sample.time_s, EventKind::Note, &format!("flagella {state} since {time_s:.2} s"))?;
         }
         let still = Setpoint { state: State::Idle, target: [CentiRpm(0); 2] };
         let setpoint = self.taken.checked_sub(1).map_or(still, |last| self.schedule.events[last].setpoint);
-        let frame = self.board.telemetry(self.index, sample, angular_acceleration, setpoint);
-        let host = instant(sample.time_s);
-        self.trial.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
-        self.trial.sample(sample, host)?;
-        self.index += 1;
-        Ok(())
+        self.log.sample(sample, angular_acceleration, setpoint)
     }
 
     /// Records the events up to a time, except the end of the trial, which follows the last sample.
@@ -210,10 +186,10 @@ impl<'a> Recorder<'a> {
             }
             match event.change {
                 Change::Phase(Phase::End) => return Ok(()),
-                Change::Phase(phase) => self.event(event.start_s, EventKind::Phase, phase.name())?,
+                Change::Phase(phase) => self.log.event(event.start_s, EventKind::Phase, phase.name())?,
                 Change::Reversal(reverse) => {
                     let target = before.map_or([CentiRpm(0); 2], |before| before.setpoint.target);
-                    self.event(event.start_s, EventKind::Note, &reverse.text(target))?;
+                    self.log.event(event.start_s, EventKind::Note, &reverse.text(target))?;
                 }
             }
             self.taken += 1;
@@ -223,23 +199,8 @@ impl<'a> Recorder<'a> {
 
     /// Records the calibration of an ideal gyroscope, which has no bias.
     fn calibrated(&mut self, time_s: f64) -> Result<(), LogError> {
-        self.trial.log.at(time_s);
+        self.log.kept.log.at(time_s);
         let samples = (time_s * f64::from(TICK_HZ)) as u16;
-        self.trial.calibration(&Calibration { still: true, samples, ..Calibration::default() }, instant(time_s))
+        self.log.kept.calibration(&Calibration { still: true, samples, ..Calibration::default() }, instant(time_s))
     }
-
-    fn event(&mut self, time_s: f64, kind: EventKind, text: &str) -> Result<(), LogError> {
-        self.trial.log.at(time_s);
-        self.trial.event(kind, text, instant(time_s))
-    }
-}
-
-/// Returns the rate of change between two times; zero if the times are equal.
-fn change(from: (f64, Vector3<f64>), to: (f64, Vector3<f64>)) -> Vector3<f64> {
-    if to.0 > from.0 { (to.1 - from.1) / (to.0 - from.0) } else { Vector3::zeros() }
-}
-
-/// Returns the host time of a modelled trial, which begins at the epoch.
-pub(super) fn instant(time_s: f64) -> SystemTime {
-    SystemTime::UNIX_EPOCH + Duration::from_secs_f64(time_s)
 }

@@ -42,8 +42,9 @@ pub use result::{Calibration, Fitted, Mounting};
 
 use super::TwinError;
 use super::replay::pool;
-use crate::attitude::{student_95, wrapped};
+use crate::attitude::wrapped;
 use crate::plan::FittedParameter;
+use crate::statistics::{effective_freedom, student_95};
 use crate::trial::LogFinding;
 use errors::Correlated;
 use levenberg_marquardt::LevenbergMarquardt;
@@ -232,7 +233,8 @@ impl Spread {
             covariance[(i, i)] += powi(parameter.solver_error(), 2);
         }
         // Welch and Satterthwaite (GUM, G.2b): all other causes are of type B.
-        let effective = |i: usize| degrees_of_freedom * powi(covariance[(i, i)] / scatter[(i, i)], 2);
+        let effective =
+            |i: usize| effective_freedom(covariance[(i, i)], std::iter::once((scatter[(i, i)], degrees_of_freedom)));
         Ok(Self {
             quantiles: (0..parameters.len()).map(|i| student_95(effective(i))).collect(),
             model_errors: trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(model_error)),

@@ -2,7 +2,7 @@
 
 use super::sides::Sides;
 use crate::statistics;
-use crate::trial::{AngleTerm, LogFinding};
+use crate::trial::{AngleTerm, Budget, LogFinding};
 use crate::twin::headline::headline;
 use crate::twin::sensor_key::SensorKey;
 use serde::Serialize;
@@ -137,9 +137,9 @@ pub struct AngleComparison {
     pub rmse_deg: f64,
     /// The error of the transient; `None` if it is not judged.
     pub transient: Option<Transient>,
-    /// Effect on the error of one standard uncertainty of each sensor error, degrees.
+    /// Causes of the uncertainty; empty if it is unknown.
     #[serde(skip)]
-    pub(in crate::twin) effects_deg: Vec<f64>,
+    pub(in crate::twin) budget: Budget,
     /// Standard uncertainty from the second trial's own errors, degrees. All comparisons with the same second trial
     /// share it.
     #[serde(skip)]

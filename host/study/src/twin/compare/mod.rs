@@ -24,13 +24,13 @@ pub use pair::is_replay_of;
 pub use sides::Sides;
 
 use super::TwinError;
-use crate::trial::{AngleTerm, Judged};
+use crate::trial::Judged;
 use aligned::Aligned;
 use compatibility::difference;
 use pair::{Pair, Side};
 use sim::accuracy::ModelError;
 use std::path::Path;
-use steady::{ErrorCauses, SteadyPair};
+use steady::SteadyPair;
 use transient::{Blocks, settling};
 
 const ANGLES: [&str; 3] = ["yaw", "pitch", "roll"];
@@ -110,10 +110,10 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
     let model = (a.is_real() && b.is_model()).then(|| b.robot().ok()).flatten().map(|robot| ModelError::of(&robot));
     let model_error_deg = model.as_ref().map(|model| model.of_modelled_deg(steady.modelled_deg));
     let blocks = Blocks::new(pair, aligned, &steady.window);
-    let causes = steady.causes(pair);
+    let budgets = steady.budgets(pair);
     let angle = |k: usize| {
-        let causes = causes[k].as_ref();
-        let uncertainty = causes.map(|causes| Uncertainty::of(&causes.budget));
+        let uncertainty = budgets[k].as_ref().map(|(budget, _)| Uncertainty::of(budget));
+        let (budget, other_u_deg) = budgets[k].clone().unwrap_or_default();
         let transient = blocks.as_ref().ok().zip(uncertainty);
         AngleComparison {
             angle: ANGLES[k],
@@ -124,18 +124,15 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
             model_error_deg: model_error_deg.map(|deg| deg[k]),
             rmse_deg: aligned.rmse_deg(k),
             transient: transient.and_then(|(blocks, uncertainty)| blocks.transient(k, uncertainty, model.as_ref())),
-            effects_deg: causes.map_or_else(Vec::new, |causes| causes.effects_deg.clone()),
-            other_u_deg: causes.map_or(0.0, |causes| causes.other_u_deg),
+            budget,
+            other_u_deg,
             ..AngleComparison::default()
         }
         .judged()
     };
     let (yaw, pitch, roll) = (angle(0), angle(1), angle(2));
     let differences = [&yaw, &pitch, &roll].into_iter().filter_map(AngleComparison::difference).collect();
-    let terms = |(angle, causes): (&'static str, &Option<ErrorCauses>)| {
-        let terms = causes.iter().flat_map(|causes| causes.budget.terms());
-        terms.map(|term| AngleTerm::new(angle, term)).collect::<Vec<_>>()
-    };
+    let budget = [&yaw, &pitch, &roll].into_iter().flat_map(|angle| angle.budget.terms_of(angle.angle)).collect();
     let trial = a.trial();
     let middle_s = measured.zeroed.run.start + 0.5 * (steady.window.start + steady.window.end);
     let comparison = Comparison {
@@ -155,7 +152,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         modelled_zero_deg: modelled.zeroed.zero_deg,
         time_shift_s: aligned.shift_s,
         run_start_s: [measured.zeroed.run.start, modelled.zeroed.run.start],
-        budget: ANGLES.into_iter().zip(&causes).flat_map(terms).collect(),
+        budget,
         differences,
         is_beyond_chance: false,
         findings: [&measured.findings[..], &modelled.findings].concat(),

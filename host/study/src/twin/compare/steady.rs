@@ -3,8 +3,8 @@
 use super::aligned::Aligned;
 use super::comparison::Uncertainty;
 use super::pair::{Pair, Side};
-use crate::attitude::student_95;
-use crate::trial::{Budget, Causes};
+use crate::statistics::student_95;
+use crate::trial::{Budget, CommonTo};
 use std::ops::Range;
 
 /// Steady yaw, pitch and roll of both trials, averaged over the same time.
@@ -13,15 +13,6 @@ pub(super) struct SteadyPair {
     pub window: Range<f64>,
     pub measured_deg: [f64; 3],
     pub modelled_deg: [f64; 3],
-}
-
-/// The causes of uncertainty of a steady error.
-pub(super) struct ErrorCauses {
-    pub budget: Budget,
-    /// See [`Causes::effects_deg`].
-    pub effects_deg: Vec<f64>,
-    /// Standard uncertainty from the second trial's own errors.
-    pub other_u_deg: f64,
 }
 
 impl SteadyPair {
@@ -65,20 +56,15 @@ impl SteadyPair {
         if has_long_gap { (self.error_deg()[0] / 360.0).round() } else { 0.0 }
     }
 
-    /// Returns the causes of uncertainty of the errors of yaw, pitch and roll; `None` for an angle whose causes are
-    /// unknown.
-    pub fn causes(&self, pair: &Pair) -> [Option<ErrorCauses>; 3] {
+    /// Returns the causes of uncertainty of the errors of yaw, pitch and roll, and the standard uncertainty from the second
+    /// trial's own errors; `None` for an angle whose causes are unknown.
+    pub fn budgets(&self, pair: &Pair) -> [Option<(Budget, f64)>; 3] {
         let is_same = pair.is_of_one_sensor();
-        let of = |side: &Side| side.zeroed.causes(&side.on_clock(&self.window));
+        let of = |side: &Side| side.zeroed.budgets(&side.on_clock(&self.window));
         let (measured, modelled) = (of(&pair.measured), of(&pair.modelled));
         [0, 1, 2].map(|k| {
             let (one, other) = (measured[k].as_ref()?, modelled[k].as_ref()?);
-            let both = Causes::of_difference(one, other, is_same);
-            Some(ErrorCauses {
-                budget: both.budget(),
-                effects_deg: both.effects_deg,
-                other_u_deg: Budget::new(other.own.iter().cloned()).u_deg(),
-            })
+            Some((other.minus(one, is_same), other.common_to(CommonTo::Trial).u_deg()))
         })
     }
 }
@@ -87,8 +73,8 @@ impl Uncertainty {
     /// Returns the parts of a budget.
     pub(super) fn of(budget: &Budget) -> Self {
         Self {
-            noise_deg: budget.of_trial().uncertainty_deg(),
-            sensor_deg: student_95(f64::INFINITY) * budget.sensor_u_deg(),
+            noise_deg: budget.common_to(CommonTo::Trial).uncertainty_deg(),
+            sensor_deg: student_95(f64::INFINITY) * budget.common_to(CommonTo::Sensor).u_deg(),
             total_deg: budget.uncertainty_deg(),
             u_deg: budget.u_deg(),
             degrees_of_freedom: budget.degrees_of_freedom(),

@@ -1,8 +1,7 @@
 //! The steady errors of all trials of a session together, compared with chance.
 
 use super::comparison::{Chance, SessionAngle};
-use crate::attitude::student_95;
-use crate::statistics::{ExpectedRms, beyond_chance};
+use crate::statistics::{ExpectedRms, beyond_chance, effective_freedom, student_95};
 use crate::twin::{AngleComparison, Comparison, Uncertainty};
 use nalgebra::DMatrix;
 use sim::functions::powi;
@@ -23,19 +22,18 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
     let count = trials.len();
     let first = trials.first()?;
     let covariance = DMatrix::from_fn(count, count, |i, j| {
-        let (one, other) = (&angle(i).effects_deg, &angle(j).effects_deg);
         if i == j {
             return powi(uncertainty(i).u_deg, 2);
         }
         let is_one_sensor = trials[i].sensors == trials[j].sensors;
-        let sensor = if is_one_sensor { one.iter().zip(other).map(|(one, other)| one * other).sum() } else { 0.0 };
+        let sensor = if is_one_sensor { angle(i).budget.covariance_with(&angle(j).budget) } else { 0.0 };
         // Several repeats may be compared with the same recording.
         let is_one_trial = trials[i].modelled == trials[j].modelled;
         sensor + if is_one_trial { powi(angle(i).other_u_deg, 2) } else { 0.0 }
     });
-    // Welch and Satterthwaite: the sensor's errors are known with infinitely many degrees of freedom.
-    let spread: f64 = (0..count).map(|i| powi(uncertainty(i).u_deg, 4) / uncertainty(i).degrees_of_freedom).sum();
-    let freedom = |variance: f64| if spread > 0.0 { powi(variance, 2) / spread } else { f64::INFINITY };
+    // The sensor's errors are known with infinitely many degrees of freedom.
+    let parts = || (0..count).map(|i| (powi(uncertainty(i).u_deg, 2), uncertainty(i).degrees_of_freedom));
+    let freedom = |variance: f64| effective_freedom(variance, parts());
     let number = count as f64;
     let errors = || (0..count).map(|i| angle(i).error_deg);
     let expected = ExpectedRms::new(&covariance, freedom(covariance.trace()));
@@ -73,6 +71,7 @@ pub(super) fn chance(trials: &mut [Comparison]) -> Option<Chance> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trial::{Budget, CommonTo, Term};
 
     /// Returns a trial with an error of the yaw. Its uncertainty is `noise_deg` from the trial and `scale_deg` from the
     /// sensor.
@@ -85,8 +84,8 @@ mod tests {
             u_deg,
             degrees_of_freedom: f64::INFINITY,
         });
-        let effects_deg = vec![0.0, scale_deg];
-        let yaw = AngleComparison { angle: "yaw", error_deg, uncertainty, effects_deg, ..AngleComparison::default() };
+        let budget = Budget::new([Term::new("scale", CommonTo::Sensor, [(scale_deg, f64::INFINITY)])]);
+        let yaw = AngleComparison { angle: "yaw", error_deg, uncertainty, budget, ..AngleComparison::default() };
         Comparison { name: name.to_owned(), yaw, ..Comparison::default() }
     }
 

@@ -1,8 +1,12 @@
-//! Distributions for testing whether chance explains a scatter or a difference.
+//! How well a number is known, and whether chance explains a scatter or a difference.
+
+mod student;
+
+pub use student::student_95;
 
 use libm::lgamma;
 use nalgebra::DMatrix;
-use sim::functions::{exp, ln, ln_1p};
+use sim::functions::{exp, ln, ln_1p, powi};
 
 /// Degrees of freedom above which a distribution equals its limit for infinitely many.
 const MANY: f64 = 1e6;
@@ -60,6 +64,13 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
         }
     }
     front * (fraction - 1.0)
+}
+
+/// Returns the effective degrees of freedom of a variance with parts that are estimated: each part's variance and degrees of
+/// freedom (Welch and Satterthwaite; GUM, G.2b).
+pub fn effective_freedom(variance: f64, parts: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let spread: f64 = parts.map(|(part, freedom)| powi(part, 2) / freedom).sum();
+    if spread > 0.0 { powi(variance, 2) / spread } else { f64::INFINITY }
 }
 
 /// The root mean square of values of a known covariance.
