@@ -3,7 +3,7 @@
 use super::causes::SLOWEST_RPM;
 use super::lines::{FASTEST_HZ, Fit, Fitter, size};
 use super::motion::Motion;
-use super::score::{agreement, in_plane_dps, least_dps, score};
+use super::score::{agreement, in_plane_dps, is_hidden, least_dps, score};
 use super::{MOST_LEFT, SHAKING};
 use crate::attitude::Columns;
 use crate::statistics::student_95;
@@ -99,6 +99,11 @@ impl SwingSpeeds {
             measured_w2_uncertainty_rpm: Some(two.1),
             not_measured: None,
         }
+    }
+
+    /// Returns the speeds, if they can be told.
+    pub fn rpm(&self) -> Option<[f64; 2]> {
+        self.measured_w1_rpm.zip(self.measured_w2_rpm).map(<[f64; 2]>::from)
     }
 
     /// Measures the speeds in a part of a run, if it has one.
@@ -242,7 +247,12 @@ fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
     }
     let is_told = match [fit.motor(0), fit.motor(1)] {
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
-            if fit.hides_one() || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns)) {
+            let rpm = fit.hz.map(|f| f * 60.0);
+            let is_hidden = (0..2).any(|k| is_hidden(rpm, k));
+            if is_hidden
+                || fit.hides_one()
+                || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns))
+            {
                 return Some("the swing of one motor hides that of the other");
             }
             agreement(fit) > LEAST_AGREEMENT

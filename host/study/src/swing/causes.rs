@@ -21,6 +21,8 @@ pub enum Cause {
     Reversed,
     /// This motor stood.
     Stands(usize),
+    /// They turned at these speeds, rpm.
+    Other([f64; 2]),
     /// The motors stopped before the end of the run.
     StopEarly {
         /// When, in the times of the angles.
@@ -80,6 +82,7 @@ impl Cause {
                 let left = if motor == 0 { [0.0, other] } else { [other, 0.0] };
                 (rpm.into_iter().all(is_fast)).then_some(left)
             }
+            Self::Other(rpm) => Some(rpm),
             Self::StopEarly { .. } => None,
         }
     }
@@ -91,7 +94,7 @@ impl Cause {
         match self {
             Self::Factor { motors, .. } | Self::Sign(motors) => motors != [true; 2],
             Self::Stands(_) => true,
-            Self::Swapped | Self::Reversed | Self::StopEarly { .. } => false,
+            Self::Swapped | Self::Reversed | Self::Other(_) | Self::StopEarly { .. } => false,
         }
     }
 
@@ -119,6 +122,7 @@ impl fmt::Display for Cause {
             Self::Swapped => write!(f, "each motor had the speed of the other"),
             Self::Reversed => write!(f, "each motor had the speed of the other, and turned the other way"),
             Self::Stands(motor) => write!(f, "motor {} stood", motor + 1),
+            Self::Other([one, two]) => write!(f, "the motors turned at {one:.1} and {two:.1} rpm"),
             Self::StopEarly { at_s } => write!(f, "the motors stopped at {at_s:.0} s"),
         }
     }

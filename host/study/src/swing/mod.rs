@@ -20,7 +20,7 @@ use causes::{FASTEST_RPM, SLOWEST_RPM};
 use lines::{FASTEST_HZ, Fit, Fitter};
 use motion::Motion;
 pub use score::in_plane_dps;
-use score::{least_dps, off_deg, score};
+use score::{is_hidden, least_dps, off_deg, score};
 use std::ops::Range;
 
 /// A cause is named where its score is better than the label's by this.
@@ -29,6 +29,12 @@ const MARGIN: f64 = 10.0;
 /// The same of a cause about one motor where both are equally fast; and, where the flagella touch, of one about one motor, of one
 /// that a sum or a difference of both speeds can look like, or of one that leaves much of the motion.
 const MARGIN_WHERE_HARD: f64 = 25.0;
+
+/// Share of the least swing below which pitch and roll, or the yaw, have none beside the other: radians have a sixth of it.
+const ONE_SWING: f64 = 0.5;
+
+/// A label that may be off by a larger share is none of a board's encoders.
+const WELL_KNOWN: f64 = 0.02;
 
 /// Lines among which a shaking is looked for.
 const SHAKING: usize = 5;
@@ -67,15 +73,44 @@ pub struct Labelled<'a> {
     pub off: (f64, f64),
     /// Whether flagella that turn at these speeds touch.
     pub touches: bool,
+    /// The speeds that the motion tells by itself, rpm.
+    pub told_rpm: Option<[f64; 2]>,
 }
 
 impl Labelled<'_> {
     /// Returns whether a cause is no more than a right label may be off.
     fn allows(&self, cause: Cause) -> bool {
-        let Cause::Factor { motors, factor } = cause else { return false };
-        let fastest = (0..2).filter(|&k| motors[k]).map(|k| self.rpm[k].abs()).fold(0.0, f64::max);
-        (factor - 1.0).abs() < self.off.0 + self.off.1 / fastest
+        match cause {
+            Cause::Factor { motors, factor } => {
+                let fastest = (0..2).filter(|&k| motors[k]).map(|k| self.rpm[k].abs()).fold(0.0, f64::max);
+                (factor - 1.0).abs() < self.off.0 + self.off.1 / fastest
+            }
+            Cause::Other(rpm) => (0..2).all(|k| self.is_near(rpm, k)),
+            _ => false,
+        }
     }
+
+    /// Returns whether a motor's speed is no further from the label's than a right label may be off.
+    fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
+        (rpm[k] - self.rpm[k]).abs() <= self.off.0 * self.rpm[k].abs() + self.off.1
+    }
+
+    /// Returns whether speeds differ from the label's in those of one motor alone, whose swing is lost beside that of the other.
+    fn hides(&self, rpm: [f64; 2]) -> bool {
+        let is_same = |k: usize| self.is_near(rpm, k);
+        (0..2).any(|k| !is_same(k) && is_same(1 - k) && is_hidden(self.rpm, k) && is_hidden(rpm, k))
+    }
+}
+
+/// A swing that is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Swing {
+    /// In all angles, up to the end of the run.
+    Whole,
+    /// In pitch and roll alone.
+    Tilt,
+    /// In the yaw alone.
+    Yaw,
 }
 
 /// What a motion says of a label.
@@ -87,7 +122,7 @@ pub enum Label {
     /// The best one comes first; nobody could tell the others from it.
     Wrong(Vec<Cause>),
     /// It swings far less than a robot does whose motors turn.
-    HardlySwings,
+    HardlySwings(Swing),
     /// The motion does not tell.
     NotJudged(&'static str),
 }
@@ -102,10 +137,24 @@ pub fn label(trial: &Labelled) -> Label {
         return Label::Wrong(vec![Cause::StopEarly { at_s }]);
     }
     let fitter = Fitter::new(&motion);
+    let is_near = |rpm: [f64; 2]| (rpm[0] - rpm[1]).abs() / 60.0 * motion.length_s < 1.0;
+    let are_near = is_near(trial.rpm);
+    let are_alike = is_near(trial.rpm.map(f64::abs));
     let fastest_rpm = trial.rpm[0].abs().max(trial.rpm[1].abs());
-    let (swing, least) = (fitter.swing_dps(), least_dps(fastest_rpm.min(FASTEST_RPM)));
-    if (0..2).all(|k| swing[k] < least[k]) {
-        return Label::HardlySwings;
+    let least = least_dps(fastest_rpm.min(FASTEST_RPM));
+    let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
+    let end_s = trial.settled_s.end;
+    let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
+    let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
+    if hardly_swings(at_the_end, 1.0) == [true; 2] {
+        return Label::HardlySwings(Swing::Whole);
+    }
+    // The swings of alike motors may cancel in the plane, or about z.
+    match hardly_swings(fitter.swing_dps(), ONE_SWING) {
+        _ if are_alike => {}
+        [true, _] => return Label::HardlySwings(Swing::Tilt),
+        [_, true] => return Label::HardlySwings(Swing::Yaw),
+        _ => {}
     }
     let found = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&found);
@@ -115,19 +164,20 @@ pub fn label(trial: &Labelled) -> Label {
         None if fastest_rpm > FASTEST_RPM => TOO_FAST,
         None => return Label::NotJudged("the label's lines fall together"),
     };
-    let is_near = |rpm: [f64; 2]| (rpm[0] - rpm[1]).abs() / 60.0 * motion.length_s < 1.0;
-    let are_near = is_near(trial.rpm);
-    let are_alike = is_near(trial.rpm.map(f64::abs));
     let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
     if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
     // Speeds that are hardly known may be each other's.
     let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
-    let is_blurred = is_noisy || apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1) && motion.length_s < 30.0;
+    let is_blurred = is_noisy
+        || apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1)
+            && (motion.length_s < 30.0 || trial.off.0 > WELL_KNOWN);
     // All roughly, the best exactly.
-    let causes = causes::causes(trial.rpm).into_iter().filter(|(cause, _)| {
-        !(are_alike && matches!(cause, Cause::Swapped | Cause::Reversed) || is_blurred && cause.is_of_one())
+    let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
+    let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
+        let is_alike = are_alike && matches!(cause, Cause::Swapped | Cause::Reversed);
+        !(is_alike || is_blurred && cause.is_of_one() || trial.hides(rpm))
     });
     let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();
     rough.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -146,13 +196,20 @@ pub fn label(trial: &Labelled) -> Label {
             cause.is_of_one() && are_alike || trial.touches && (cause.is_of_one() || cause.is_mixed() || !is_clear);
         let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
         let cause = with_factor(cause, trial.rpm, &fit);
-        (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause))
+        (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause, rpm))
     });
-    let mut exact: Vec<(f64, Cause)> = exact.collect();
+    let mut exact: Vec<(f64, Cause, [f64; 2])> = exact.collect();
     exact.sort_by(|a, b| b.0.total_cmp(&a.0));
     match exact.first() {
-        Some(&(by, _)) => {
-            Label::Wrong(exact.iter().filter(|other| other.0 > by - ALIKE).map(|other| other.1).collect())
+        Some(&(by, ..)) => {
+            exact.retain(|other| other.0 > by - ALIKE);
+            // A usual mistake says more than its speeds.
+            let is_usual = |rpm: [f64; 2]| {
+                let is_same = |usual: [f64; 2]| (0..2).all(|k| (usual[k] - rpm[k]).abs() < 0.03 * rpm[k].abs() + 0.5);
+                exact.iter().any(|(_, cause, usual)| !matches!(cause, Cause::Other(_)) && is_same(*usual))
+            };
+            let said = exact.iter().filter(|(_, cause, rpm)| !matches!(cause, Cause::Other(_)) || !is_usual(*rpm));
+            Label::Wrong(said.map(|(_, cause, _)| *cause).collect())
         }
         None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
         None => Label::Right,

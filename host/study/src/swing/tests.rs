@@ -108,7 +108,8 @@ impl Trace {
     fn label(&self, rpm: [f64; 2], settled_s: Range<f64>) -> Label {
         let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
         let touches = Robot::default().flagellum.mesh(rpm);
-        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches })
+        let told_rpm = blind::speeds(&self.angles_deg, settled_s.clone()).ok().map(|told| told.map(|(rpm, _)| rpm));
+        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm })
     }
 
     /// Returns the speed by the nominal one, as an encoder has it.
@@ -131,6 +132,7 @@ fn says(causes: &[Cause], truth: [f64; 2], label: [f64; 2]) -> bool {
             Cause::Swapped => [label[1], label[0]],
             Cause::Reversed => [-label[1], -label[0]],
             Cause::Stands(k) => of([k == 0, k == 1], 0.0),
+            Cause::Other(rpm) => rpm,
             Cause::StopEarly { .. } => return false,
         };
         (0..2).all(|k| {
@@ -149,8 +151,9 @@ fn a_wrong_label_is_named_and_a_right_one_is_not() {
         assert_eq!(trace.label([a, b], settled_s.clone()), Label::Right, "{way:?}");
         let speeds = blind::speeds(&trace.angles_deg, settled_s.clone()).unwrap();
         assert!((0..2).all(|k| (speeds[k].0 - truth.rpm[k]).abs() < speeds[k].1 && speeds[k].1 < 0.3), "{speeds:?}");
-        let factors = [0.5, 1.5, 2.0, 4.0, 6.0, 1.0 / 9.55, 1.0 / 60.0, least].map(|factor| [a * factor, b * factor]);
-        let others = [[-a, -b], [-a, b], [a, -b], [b, a], [2.0 * a, b]];
+        let factors =
+            [0.5, 1.5, 2.0, 4.0, 6.0, 1.0 / 9.55, 1.0 / 60.0, least, 0.8, 1.3].map(|factor| [a * factor, b * factor]);
+        let others = [[-a, -b], [-a, b], [a, -b], [b, a], [2.0 * a, b], [22.4, -14.6]];
         for label in factors.into_iter().chain(others) {
             match trace.label(label, settled_s.clone()) {
                 Label::Wrong(causes) => assert!(says(&causes, [a, b], label), "{way:?}, {label:?}: {causes:?}"),
@@ -168,7 +171,7 @@ fn motors_that_stop_early_are_seen() {
     assert!(matches!(causes[..], [Cause::StopEarly { at_s }] if (27.0..36.0).contains(&at_s)), "{causes:?}");
     let mut still = trace;
     still.angles_deg.values = [0, 1, 2].map(|_| vec![0.0; still.turned_s.len()]);
-    assert_eq!(still.label(truth.rpm, SETTLING_S..48.0), Label::HardlySwings);
+    assert_eq!(still.label(truth.rpm, SETTLING_S..48.0), Label::HardlySwings(Swing::Whole));
     assert_eq!(blind::speeds(&still.angles_deg, SETTLING_S..48.0), Err("the robot hardly swings"));
 }
 
@@ -254,7 +257,7 @@ fn count_labels(trace: &Trace, part_s: &Range<f64>, rpm: [f64; 2], counts: &mut 
             }
             Label::Wrong(causes) => usize::from(!says(&causes, rpm, label)),
             Label::Right => 2,
-            Label::HardlySwings | Label::NotJudged(_) => 3,
+            Label::HardlySwings(_) | Label::NotJudged(_) => 3,
         };
         counts.entry(name).or_default()[place] += 1;
     }

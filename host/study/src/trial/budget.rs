@@ -4,6 +4,9 @@ use crate::statistics::{effective_freedom, student_95};
 use serde::Serialize;
 use sim::functions::powi;
 
+/// What a slow approach may still change after the run, as the name of a cause.
+pub(crate) const TO_COME: &str = "slow approach";
+
 /// How an uncertainty was evaluated (GUM, 3.3.5).
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Evaluation {
@@ -91,6 +94,12 @@ impl Budget {
     #[must_use]
     pub fn common_to(&self, common_to: CommonTo) -> Self {
         Self::new(self.terms.iter().filter(|term| term.common_to == common_to).cloned())
+    }
+
+    /// Returns the budget with a further cause.
+    #[must_use]
+    pub(crate) fn with(self, term: Term) -> Self {
+        Self::new(self.terms.into_iter().chain([term]))
     }
 
     /// Returns the budget without a cause.

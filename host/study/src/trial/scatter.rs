@@ -3,7 +3,7 @@
 //!
 //! Errors common to all trials of a sensor do not scatter, so only the trial's own part of the budget is compared.
 
-use super::budget::{Budget, CommonTo};
+use super::budget::{Budget, CommonTo, TO_COME};
 use super::judged::Judged;
 use crate::statistics::{effective_freedom, variance_ratio};
 use serde::Serialize;
@@ -32,7 +32,8 @@ impl Repeat {
     pub fn new(trial: &Judged) -> Option<Self> {
         let Judged { data, angles: zeroed, .. } = trial;
         let steady = zeroed.steady.as_ref().filter(|_| !data.is_model() && data.is_complete())?;
-        let own = |k: usize| steady.budgets[k].as_ref().map(|budget| budget.common_to(CommonTo::Trial));
+        // All repeats approach alike.
+        let own = |k: usize| Some(steady.budgets[k].as_ref()?.common_to(CommonTo::Trial).without(TO_COME));
         let trial = data.trial();
         Some(Self {
             name: trial.name,

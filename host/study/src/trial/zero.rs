@@ -10,7 +10,7 @@
 use super::angles::{Angles, Steady, swing_s};
 use super::back_at_zero;
 use super::blocks::end_of;
-use super::budget::Budget;
+use super::budget::{Budget, TO_COME, Term};
 use super::data::Data;
 use super::errors::{self, Errors};
 use super::import_rest;
@@ -332,9 +332,18 @@ impl Zeroed {
             }
         };
         let [pitch, roll, tilt] = self.steady_tilts(&window).map_or([None, None, None], |tilts| tilts.map(Some));
+        let mut budgets = [self.yaw_budget(middle), pitch, roll, tilt];
+        // The mean of a run that has not settled is said to be no steady value.
+        if settled && !self.is_model() {
+            let [yaw, pitch, roll] = collector.to_come().map(f64::to_degrees);
+            let to_come = [yaw, pitch, roll, hypot(pitch, roll)];
+            budgets.iter_mut().zip(to_come).for_each(|(budget, u_deg)| {
+                *budget = budget.take().map(|budget| budget.with(Term::of_trial(TO_COME, u_deg, f64::INFINITY)));
+            });
+        }
         Some(Steady {
             angles_deg,
-            budgets: [self.yaw_budget(middle), pitch, roll, tilt],
+            budgets,
             of_model: own.and_then(|own| uncertainties_of_model(&own.values)),
             drift_deg: self.is_recorded().then(|| self.yaw_drift(middle)),
             window,

@@ -28,6 +28,7 @@ mod window;
 
 pub use window::{WINDOW, whole_turns};
 
+use crate::functions::exp;
 use serde::{Deserialize, Serialize};
 use series::Cell;
 use std::collections::VecDeque;
@@ -50,6 +51,9 @@ pub const FREE: Limits = Limits { angle: 0.1 * PI / 180.0, thrust: 0.01 };
 
 /// Limits of one in which they do.
 pub const TOUCHING: Limits = Limits { angle: 0.3 * PI / 180.0, thrust: 0.03 };
+
+/// Time constant of the slow mode of a pair of flagella, s, at most.
+const SLOWEST_S: f64 = 18.0;
 
 /// Share of a run's length that is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -324,6 +328,16 @@ impl SteadyCollector {
         self.state(self.window, last, |_| settled)
     }
 
+    /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad: of a difference
+    /// between two windows it leaves this much, if it decays with [`SLOWEST_S`].
+    pub fn to_come(&self) -> [f64; 3] {
+        let end = self.end();
+        let last = self.levels(end - self.window, end);
+        let before = self.levels(end - 2.0 * self.window, end - self.window);
+        let left = exp(-self.window / SLOWEST_S);
+        [0, 1, 2].map(|c| (last[c].mean - before[c].mean).abs() * left / (1.0 - left))
+    }
+
     /// Returns the state without an attitude, as NaN, if the base turned over: its axis pointed below the horizontal, where the
     /// roll is more than a right angle.
     pub(crate) fn unless_overturned(&self, steady: Steady) -> Steady {
@@ -472,10 +486,11 @@ mod tests {
         assert!((steady.attitude[0].mean - 1.0).abs() < 1e-4);
         assert!((steady.attitude[0].amplitude - 0.1).abs() < 2e-3);
         assert!(steady.settled);
-        // The mean over the window is behind by what is left there.
+        // The mean over the window is behind by what is left there: here less than an approach of 18 s would leave.
         let [left, first] = [120.0, 108.0].map(|t: f64| (-t / 10.0).exp() * 10.0);
         let behind = 1.0 - collector.window().attitude[0].mean;
         assert!((behind - (first - left) / 12.0).abs() < 1e-6, "{behind}");
+        assert!((1.0..3.0).contains(&(collector.to_come()[0] / behind)), "{:?}", collector.to_come());
         // 5 % of the final mean is reached after 3 time constants.
         assert!((steady.settle_s - 30.0).abs() < 3.0, "{}", steady.settle_s);
     }

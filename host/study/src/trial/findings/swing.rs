@@ -1,7 +1,7 @@
 //! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
 
 use super::{Rule, Section, frame};
-use crate::swing::{Cause, Label, Labelled, SwingSpeeds, label};
+use crate::swing::{Cause, Label, Labelled, Swing as Swings, SwingSpeeds, label};
 use crate::text::{decimal, either};
 use crate::trial::angles::Steady;
 use crate::trial::data::Data;
@@ -50,14 +50,16 @@ fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str]
 pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'a>, &'static str> {
     let rpm = data.speeds().map(CentiRpm::rpm);
     let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
-    let settled_s = zeroed.steady.as_ref().ok_or("the run is too short for steady angles")?.swing_s.clone()?;
+    let steady = zeroed.steady.as_ref().ok_or("the run is too short for steady angles")?;
+    let settled_s = steady.swing_s.clone()?;
     let touches = robot.flagellum.mesh(rpm);
     let off = match data.is_recorded() {
         _ if data.is_blind() => OFF_OF_BLIND,
         true => OFF,
         false => OFF_OF_IMPORT,
     };
-    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches })
+    let told_rpm = (!data.is_blind()).then(|| steady.measured(&zeroed.angles_deg)).and_then(SwingSpeeds::rpm);
+    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm })
 }
 
 /// Returns the speeds of motors without encoders: those of the swing alone, or those near the commanded ones that the swing has.
@@ -94,9 +96,17 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
                 causes.iter().map(Cause::to_string).chain(frames.into_iter().map(str::to_owned)).collect();
             Ok(Some(format!("the robot does not swing as at {at}, but as if {}", either(&all))))
         }
-        Label::HardlySwings => Ok(Some(format!(
-            "the robot hardly swings, and would at {at}, once a turn of each flagellum: the motors stood, or the angles are radians"
-        ))),
+        Label::HardlySwings(swing) => {
+            let (which, why) = match swing {
+                Swings::Whole => (
+                    "the robot hardly swings up to the end of the run",
+                    "the motors stood, or the angles are radians or were smoothed",
+                ),
+                Swings::Tilt => ("pitch and roll hardly swing", "they are radians"),
+                Swings::Yaw => ("the yaw hardly swings", "it is in radians"),
+            };
+            Ok(Some(format!("{which}, and would at {at}, once a turn of each flagellum: {why}")))
+        }
         Label::Right => Ok(None),
         Label::NotJudged(why) => Err(why),
     }
@@ -117,7 +127,7 @@ const USUAL: (f64, f64) = (0.1, 1.0);
 
 fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let measured = zeroed.steady.as_ref().filter(|_| data.is_blind())?.measured(&zeroed.angles_deg);
-    let told = [measured.measured_w1_rpm?, measured.measured_w2_rpm?];
+    let told = measured.rpm()?;
     let [w1, w2] = data.speeds().map(CentiRpm::rpm);
     let is_off = |(told, rpm): (f64, f64)| (told - rpm).abs() > USUAL.0 * rpm.abs() + USUAL.1;
     [(told[0], w1), (told[1], w2)].into_iter().any(is_off).then(|| {
