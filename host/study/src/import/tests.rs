@@ -190,10 +190,11 @@ fn an_angle_of_one_value_was_not_measured() {
     let csv = folder.path().join("a.csv");
     let row = |i: u32| {
         let (yaw, roll) = (0.02 * f64::from(i % 7), 0.01 * f64::from(i % 3));
-        format!("{},{yaw},0,{roll},37.7,-12.3\n", 0.1 * f64::from(i))
+        let w1 = if i < 20 { 0.0 } else { 37.7 };
+        format!("{},{yaw},0,{roll},{w1},-12.3\n", 0.1 * f64::from(i))
     };
     std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
-    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=1".parse().unwrap();
+    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=0".parse().unwrap();
     let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
     assert_eq!(states.constant, ["pitch", "w2"]);
     let log = folder.path().join("a.mcap");

@@ -3,7 +3,7 @@
 use super::causes::SLOWEST_RPM;
 use super::lines::{FASTEST_HZ, Fit, Fitter, size};
 use super::motion::Motion;
-use super::score::{agreement, in_plane_dps, is_hidden, least_dps, score};
+use super::score::{agreement, beside_the_other, in_plane_dps, least_dps, score};
 use super::{MOST_LEFT, SHAKING};
 use crate::attitude::Columns;
 use crate::statistics::student_95;
@@ -50,6 +50,9 @@ const MOST_LEFT_OPPOSITE: f64 = 0.015;
 /// The least swing in the plane that a motor makes, by the usual one; and at opposite equal speeds.
 const LEAST_LINE: f64 = 0.2;
 const LEAST_OPPOSITE: f64 = 0.33;
+
+/// The usual swing of a motor by that of the other one, below which its sense is not told.
+const HIDDEN: f64 = 0.06;
 
 /// A motor's line turns: the largest share of the opposite one.
 const FLATTEST: f64 = 0.75;
@@ -248,7 +251,7 @@ fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
     let is_told = match [fit.motor(0), fit.motor(1)] {
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
             let rpm = fit.hz.map(|f| f * 60.0);
-            let is_hidden = (0..2).any(|k| is_hidden(rpm, k));
+            let is_hidden = (0..2).any(|k| beside_the_other(rpm, k) < HIDDEN);
             if is_hidden
                 || fit.hides_one()
                 || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns))

@@ -20,7 +20,7 @@ use causes::{FASTEST_RPM, SLOWEST_RPM};
 use lines::{FASTEST_HZ, Fit, Fitter};
 use motion::Motion;
 pub use score::in_plane_dps;
-use score::{is_hidden, least_dps, off_deg, score};
+use score::{beside_the_other, least_dps, off_deg, score};
 use std::ops::Range;
 
 /// A cause is named where its score is better than the label's by this.
@@ -32,6 +32,9 @@ const MARGIN_WHERE_HARD: f64 = 25.0;
 
 /// Share of the least swing below which pitch and roll, or the yaw, have none beside the other: radians have a sixth of it.
 const ONE_SWING: f64 = 0.5;
+
+/// Usual swing of a motor by that of the other one, below which nothing is said of it alone.
+const HIDDEN: f64 = 0.075;
 
 /// A label that may be off by a larger share is none of a board's encoders.
 const WELL_KNOWN: f64 = 0.02;
@@ -98,7 +101,9 @@ impl Labelled<'_> {
     /// Returns whether speeds differ from the label's in those of one motor alone, whose swing is lost beside that of the other.
     fn hides(&self, rpm: [f64; 2]) -> bool {
         let is_same = |k: usize| self.is_near(rpm, k);
-        (0..2).any(|k| !is_same(k) && is_same(1 - k) && is_hidden(self.rpm, k) && is_hidden(rpm, k))
+        (0..2).any(|k| {
+            !is_same(k) && is_same(1 - k) && [self.rpm, rpm].into_iter().all(|rpm| beside_the_other(rpm, k) < HIDDEN)
+        })
     }
 }
 
@@ -149,12 +154,17 @@ pub fn label(trial: &Labelled) -> Label {
     if hardly_swings(at_the_end, 1.0) == [true; 2] {
         return Label::HardlySwings(Swing::Whole);
     }
+    let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
+    // Speeds that are hardly known may be each other's.
+    let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
+    let may_be_alike = apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1);
     // The swings of alike motors may cancel in the plane, or about z.
-    match hardly_swings(fitter.swing_dps(), ONE_SWING) {
-        _ if are_alike => {}
-        [true, _] => return Label::HardlySwings(Swing::Tilt),
-        [_, true] => return Label::HardlySwings(Swing::Yaw),
-        _ => {}
+    if !may_be_alike && !are_alike && !is_noisy {
+        match hardly_swings(fitter.swing_dps(), ONE_SWING) {
+            [true, _] => return Label::HardlySwings(Swing::Tilt),
+            [_, true] => return Label::HardlySwings(Swing::Yaw),
+            _ => {}
+        }
     }
     let found = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&found);
@@ -164,19 +174,19 @@ pub fn label(trial: &Labelled) -> Label {
         None if fastest_rpm > FASTEST_RPM => TOO_FAST,
         None => return Label::NotJudged("the label's lines fall together"),
     };
-    let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
     if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
-    // Speeds that are hardly known may be each other's.
-    let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
-    let is_blurred = is_noisy
-        || apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1)
-            && (motion.length_s < 30.0 || trial.off.0 > WELL_KNOWN);
+    let is_vague = may_be_alike && trial.off.0 > WELL_KNOWN;
+    let is_blurred = is_noisy || is_vague || may_be_alike && motion.length_s < 30.0;
     // All roughly, the best exactly.
     let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
     let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
-        let is_alike = are_alike && matches!(cause, Cause::Swapped | Cause::Reversed);
+        let is_alike = match cause {
+            Cause::Swapped | Cause::Reversed => are_alike || is_vague,
+            Cause::Sign(_) => is_vague,
+            _ => false,
+        };
         !(is_alike || is_blurred && cause.is_of_one() || trial.hides(rpm))
     });
     let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();

@@ -22,9 +22,6 @@ const PHASE_DEG: f64 = 18.0;
 /// Share of the expected swing below which a motion is none of such a robot.
 const LEAST: f64 = 0.1;
 
-/// Usual swing of a motor by that of the other one, below which its sense is not told.
-const HIDDEN: f64 = 0.066;
-
 /// Returns the least swing of a robot whose faster motor turns at this speed: in the plane, and about z, °/s.
 pub fn least_dps(rpm: f64) -> [f64; 2] {
     [in_plane_dps(rpm), about_z_dps(rpm)].map(|expected| LEAST * expected)
@@ -35,9 +32,9 @@ pub fn in_plane_dps(rpm: f64) -> f64 {
     0.075 * rpm * pow(rpm / 45.0, 0.7)
 }
 
-/// Returns whether the swing of a motor is lost beside that of the other one, whose flagellum bends and may touch it.
-pub fn is_hidden(rpm: [f64; 2], motor: usize) -> bool {
-    in_plane_dps(rpm[motor].abs()) < HIDDEN * in_plane_dps(rpm[1 - motor].abs())
+/// Returns the usual swing of a motor by that of the other one, whose flagellum may hide it as it bends.
+pub fn beside_the_other(rpm: [f64; 2], motor: usize) -> f64 {
+    in_plane_dps(rpm[motor].abs()) / in_plane_dps(rpm[1 - motor].abs())
 }
 
 fn about_z_dps(rpm: f64) -> f64 {

@@ -1,9 +1,9 @@
-//! Checks whether the yaw comes back to its zero after a run.
+//! Checks whether the angles come back to their zero after a run.
 //!
 //! The zero is where the robot hangs at rest, and the tether brings it back there. After the run, a part of the run's
 //! yaw remains, which shrinks during the decay. A larger remainder shows that the zero has moved since the rest before
 //! the run, that the sensor has turned on the robot, or that the gyroscope's bias has changed. The yaw is then wrong by
-//! about as much, and the sensor's budget does not contain this error.
+//! about as much, and the sensor's budget does not contain this error. The tilt of an import comes back by the robot's weight.
 
 use super::data::Data;
 use crate::attitude::Track;
@@ -23,14 +23,35 @@ const SLOWER: f64 = 2.0;
 /// Assumed largest distance from the zero at rest, due to joint and tether, degrees.
 const ALLOWED_DEG: f64 = 5.0;
 
-/// Returns the time after the run, s, the yaw at its end, and the nearest value possible after a return to rest, degrees,
-/// if the two differ. `stated_deg`: the 95 % uncertainty of the yaw at the end of the log.
-pub(super) fn not_back(data: &Data, yaw: Track, stated_deg: f64, time_constant_s: f64) -> Option<[f64; 3]> {
-    let after = data.times.decay.start..data.times.decay.end.min(yaw.span().end);
+/// Assumed largest change of a tilt at rest, degrees.
+const ALLOWED_TILT_DEG: f64 = 1.5;
+
+/// An angle that does not come back.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct NotBack {
+    /// `yaw`, `pitch` or `roll`.
+    pub angle: &'static str,
+    /// Time after the run, s.
+    pub after_s: f64,
+    /// The angle at its end, degrees.
+    pub end_deg: f64,
+    /// The nearest value that is possible after a return to rest, degrees.
+    pub nearest_deg: f64,
+}
+
+/// Returns the first of some angles that does not come back after the run. Each has its 95 % uncertainty at the end of the log,
+/// degrees, and the time constant of its return, s.
+pub(super) fn not_back<'a>(
+    data: &Data,
+    angles: impl IntoIterator<Item = (&'static str, Track<'a>, f64, f64)>,
+) -> Option<NotBack> {
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
-    let [end_deg, nearest_deg] =
-        missed(yaw, &after, ALLOWED_DEG + stated_deg, time_constant_s).filter(|_| is_of_robot)?;
-    Some([after.end - after.start, end_deg, nearest_deg])
+    angles.into_iter().filter(|_| is_of_robot).find_map(|(angle, track, stated_deg, time_constant_s)| {
+        let after = data.times.decay.start..data.times.decay.end.min(track.span().end);
+        let allowed_deg = if angle == "yaw" { ALLOWED_DEG } else { ALLOWED_TILT_DEG };
+        let [end_deg, nearest_deg] = missed(track, &after, allowed_deg + stated_deg, time_constant_s)?;
+        Some(NotBack { angle, after_s: after.end - after.start, end_deg, nearest_deg })
+    })
 }
 
 /// Returns whether the phase after a run is too short to show where the yaw goes.

@@ -1,5 +1,6 @@
 //! What the rest before a run shows: whether there was one, and whether the robot was still.
 
+use super::back_at_zero::NotBack;
 use super::blocks::{blocks, end_of};
 use super::data::Data;
 use crate::attitude::{Drift, Motion, Rest, Series};
@@ -47,8 +48,8 @@ pub(super) struct AtRest {
     pub turning_dps: Option<f64>,
     /// Time without readings around the start of the run.
     pub lost: Option<Range<f64>>,
-    /// Time after the run, s, the yaw at its end, and the nearest value possible after a return to rest, degrees.
-    pub not_back: Option<[f64; 3]>,
+    /// An angle that does not come back after the run.
+    pub not_back: Option<NotBack>,
     /// Motion of an imported robot in the rest before its run.
     pub motion: Option<Motion>,
     /// Whether an imported trial has no rest before its run.

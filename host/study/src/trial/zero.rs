@@ -185,7 +185,8 @@ impl Zeroed {
         errors.correct(&mut angles_deg);
         if let Some(budget) = errors.yaw(angles_deg.span().end) {
             let yaw_s = constants.map_or(f64::INFINITY, |constants| constants.yaw_s);
-            rest.not_back = back_at_zero::not_back(data, angles_deg.track(0), budget.uncertainty_deg(), yaw_s);
+            let yaw = ("yaw", angles_deg.track(0), budget.uncertainty_deg(), yaw_s);
+            rest.not_back = back_at_zero::not_back(data, [yaw]);
         }
         Self {
             angles_deg,
@@ -220,11 +221,17 @@ impl Zeroed {
         let mut angles_deg = series.angles_deg;
         let motion = import_rest::moved(angles_deg.tracks(), &data.times.preroll);
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
-        let stated = Stated::of(data.records.import.as_ref());
-        let stated_deg = stated.and_then(|stated| stated.budget(0)).map_or(0.0, |yaw| yaw.uncertainty_deg());
+        // Without a rest before the run, nobody knows the zero as well as the instrument its angles.
+        let stated = Stated::of(data.records.import.as_ref()).filter(|_| zero.is_some());
         let not_back = |_| {
-            let yaw_s = time_constants(data).map_or(f64::INFINITY, |constants| constants.yaw_s);
-            back_at_zero::not_back(data, angles_deg.track(0), stated_deg, yaw_s)
+            let constants = time_constants(data);
+            let angles = [0, 1, 2].map(|k| {
+                let stated_deg =
+                    stated.and_then(|stated| stated.budget(k)).map_or(0.0, |budget| budget.uncertainty_deg());
+                let constant_s = constants.map_or(f64::INFINITY, |of| if k == 0 { of.yaw_s } else { of.tilt_s });
+                (["yaw", "pitch", "roll"][k], angles_deg.track(k), stated_deg, constant_s)
+            });
+            back_at_zero::not_back(data, angles)
         };
         let rest = AtRest {
             is_missing: zero.is_none() && data.times.has_run(),

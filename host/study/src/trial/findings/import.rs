@@ -1,7 +1,7 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::{Rule, Section};
-use crate::attitude::{Euler, LARGEST_TILT_DEG, rotation, tilt_deg, wrapped};
+use crate::attitude::{Euler, LARGEST_TILT_DEG, Reading, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Conduct;
@@ -29,9 +29,11 @@ const STOOD_S: f64 = 3.0;
 /// Difference from a recorded yaw that is worth a note if the uncertainty of the instrument is unknown, degrees.
 const UNKNOWN_DEG: f64 = 1.0;
 
-/// At least this many rows of zeros, with neighbours at least this far from zero, are not a measurement.
+/// At least this many rows of zeros, with neighbours at least this far from zero, and so many of the table's smallest steps, are
+/// not a measurement.
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
+const ZERO_STEPS: f64 = 3.0;
 
 const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
@@ -169,16 +171,19 @@ fn lost(data: &Data) -> Option<String> {
 /// lose the robot.
 fn zeros(data: &Data) -> Option<String> {
     let run = data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s));
-    let (zeros, others): (Vec<_>, Vec<_>) = run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
-    let upright = rotation([1.0, 0.0, 0.0, 0.0]);
-    // The next reading that is not zero shows where the robot was.
-    let is_lost = |time_s: f64| {
-        let next = others.iter().find(|(later_s, _)| *later_s > time_s).or(others.last());
-        next.is_some_and(|(_, reading)| {
-            rotation_between(&upright, &rotation(reading.attitude)).norm().to_degrees() > ZERO_DEG
-        })
+    let (zeros, others): (Vec<&(f64, Reading)>, Vec<_>) =
+        run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
+    let between = |one: &Reading, other: &Reading| {
+        rotation_between(&rotation(one.attitude), &rotation(other.attitude)).norm().to_degrees()
     };
-    let lost = zeros.iter().filter(|(time_s, _)| is_lost(*time_s)).count();
+    let steps = others.windows(2).map(|pair| between(&pair[0].1, &pair[1].1)).filter(|deg| *deg > 1e-6);
+    let least_deg = ZERO_DEG.max(ZERO_STEPS * steps.fold(f64::INFINITY, f64::min).min(1.0));
+    // The next reading that is not zero shows where the robot was.
+    let is_lost = |(time_s, zero): &(f64, Reading)| {
+        let next = others.iter().find(|(later_s, _)| later_s > time_s).or(others.last());
+        next.is_some_and(|(_, reading)| between(zero, reading) > least_deg)
+    };
+    let lost = zeros.iter().filter(|row| is_lost(row)).count();
     let text =
         format!("{} of the run with yaw, pitch and roll of exactly zero, unlike those beside them", count(lost, "row"));
     (lost >= LEAST_ZEROS).then_some(text)

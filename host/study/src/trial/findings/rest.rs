@@ -2,7 +2,7 @@
 
 use super::{Rule, Section};
 use crate::attitude::Motion;
-use crate::trial::back_at_zero;
+use crate::trial::back_at_zero::{self, NotBack};
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Rest, Return};
 use crate::trial::rest::{AtRest, Unknown};
@@ -103,7 +103,8 @@ static RULES: [Rule; 17] = [
         Rest,
         "import a table that begins a second before the motors start, or name the run with --run",
         |_, zeroed| {
-            let text = "no rest before the run: pitch and roll are those of the table, not relative to the rest";
+            let text = "no rest before the run: pitch and roll are those of the table, the yaw is relative to the start of the run, and \
+                        how far they are from those relative to a rest is unknown";
             zeroed.rest.is_missing.then(|| text.to_owned())
         },
     ),
@@ -120,9 +121,9 @@ fn not_back(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str
         true => "sensor has moved, or the gyroscope's bias has changed",
         false => "instrument has moved",
     };
-    Ok(zeroed.rest.not_back.map(|[after_s, end_deg, nearest_deg]| {
+    Ok(zeroed.rest.not_back.map(|NotBack { angle, after_s, end_deg, nearest_deg }| {
         format!(
-            "the yaw does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
+            "the {angle} does not come back: {after_s:.1} s after the run it is {end_deg:.1} degrees, where at most \
              {nearest_deg:.1} can be left; the zero or the {sensor}"
         )
     }))
