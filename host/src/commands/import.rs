@@ -35,6 +35,9 @@ pub struct Args {
     /// Which column holds which quantity. Without it, the columns of the table are printed.
     #[arg(long, value_name = "QUANTITY=COLUMN,...", allow_hyphen_values = true)]
     columns: Option<String>,
+    /// Lines before the names of the columns, such as a header of the instrument.
+    #[arg(long, value_name = "LINES", default_value_t = 0)]
+    skip: usize,
     /// The log to write, which must not exist yet; by default that of the table's name.
     #[arg(short, long = "out", alias = "output", value_name = "LOG", value_parser = written_as(&["mcap"]))]
     output: Option<PathBuf>,
@@ -85,7 +88,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mapping: Option<Mapping> = args.columns.as_ref().map(|columns| columns.parse()).transpose()?;
     let output = args.output.clone().unwrap_or_else(|| args.csv.with_extension("mcap"));
     let table = args.csv.display().to_string();
-    let rows = Table::read(&args.csv)?;
+    let rows = Table::read(&args.csv, args.skip)?;
     let mapping = mapping.ok_or_else(|| which_columns(&table, rows.header()))?;
     let states = rows.states(&mapping)?;
     let conditions = Conditions {

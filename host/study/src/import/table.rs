@@ -119,21 +119,23 @@ impl Table {
 
     /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
     /// line holds the names of the columns, unless all its cells are numbers. Column numbers, which programs write
-    /// instead of names, count as names, too.
+    /// instead of names, count as names, too. `skip`: lines before it that are none of the table.
     ///
     /// # Errors
     /// [`ImportError::Read`], [`ImportError::Table`].
-    pub fn read(path: &Path) -> Result<Self, ImportError> {
+    pub fn read(path: &Path, skip: usize) -> Result<Self, ImportError> {
         let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
         let name = path.display().to_string();
         let text = std::str::from_utf8(&bytes).map_err(|_| {
             ImportError::table(&name, "is no text in UTF-8", "write the table as CSV in UTF-8, which every program can")
         })?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        // Empty lines in their place keep the numbers of the others.
+        let text = "\n".repeat(skip) + text.splitn(skip + 1, '\n').nth(skip).unwrap_or_default();
         let mut rows = Vec::new();
         let mut format = csv::ReaderBuilder::new();
         let mut reader =
-            format.delimiter(delimiter(text)).comment(Some(b'#')).has_headers(false).from_reader(text.as_bytes());
+            format.delimiter(delimiter(&text)).comment(Some(b'#')).has_headers(false).from_reader(text.as_bytes());
         for record in reader.records() {
             let record = record
                 .map_err(|error| ImportError::table(&name, error.to_string(), "name a table in the format CSV"))?;

@@ -51,7 +51,7 @@ fn imported_without(lost: Range<usize>, columns: &str, conditions: &Conditions) 
     let kept = text.lines().enumerate().filter(|(line, _)| *line < 2 || !lost.contains(&(line - 2)));
     let kept: Vec<&str> = kept.map(|(_, line)| line).collect();
     std::fs::write(&csv, kept.join("\n")).unwrap();
-    let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap()).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&columns.parse().unwrap()).unwrap();
     let imported = write(&states, conditions, "camera.csv", &log).unwrap();
     (imported, Judged::read(&log, Want::default()).unwrap().data)
 }
@@ -112,7 +112,7 @@ fn a_speed_that_changes_in_the_run_is_grave() {
         };
         std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
         let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
-        let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+        let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
         write(&states, &conditions(), "a.csv", &log).unwrap();
         let data = Judged::read(&log, Want::default()).unwrap().data;
         let found = Judged::of(data.clone()).findings;
@@ -124,11 +124,11 @@ fn a_speed_that_changes_in_the_run_is_grave() {
 
 /// Returns the grave findings about a table of 40 s with these rows of yaw and turns at times `step_s` apart.
 fn grave(step_s: f64, row: impl Fn(f64) -> (f64, f64), run_s: Option<std::ops::Range<f64>>) -> String {
-    grave_with_roll(0.0, step_s, row, run_s)
+    grave_with_roll(|_| 0.0, step_s, row, run_s)
 }
 
 fn grave_with_roll(
-    roll_deg: f64,
+    roll_deg: impl Fn(f64) -> f64,
     step_s: f64,
     row: impl Fn(f64) -> (f64, f64),
     run_s: Option<std::ops::Range<f64>>,
@@ -138,11 +138,11 @@ fn grave_with_roll(
     let line = |i: u32| {
         let time_s = f64::from(i) * step_s;
         let (yaw_deg, turns) = row(time_s);
-        format!("{time_s},{yaw_deg},0,{roll_deg},{turns}\n")
+        format!("{time_s},{yaw_deg},0,{},{turns}\n", roll_deg(time_s))
     };
     std::fs::write(&csv, (0..(40.0 / step_s) as u32).map(line).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,turns1=#5,turns2=0".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     write(&states, &Conditions { run_s, ..conditions() }, "a.csv", &log).unwrap();
     let data = Judged::read(&log, Want::default()).unwrap().data;
     let found = Judged::of(data.clone()).findings;
@@ -195,7 +195,7 @@ fn an_angle_of_one_value_was_not_measured() {
     };
     std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=0".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     assert_eq!(states.constant, ["pitch", "w2"]);
     let log = folder.path().join("a.mcap");
     write(&states, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() }, "a.csv", &log).unwrap();
@@ -212,7 +212,7 @@ fn quaternion_is_the_attitude_that_its_angles_are() {
     let csv = folder.path().join("a.csv");
     std::fs::write(&csv, [0, 1, 2].map(row).concat()).unwrap();
     let mapping: Mapping = "time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     let expected = [2.3f64, -0.2, 0.1].map(f64::to_degrees);
     assert!(states.rows[2].angles_deg.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{states:?}");
 }
@@ -266,7 +266,7 @@ fn what_cannot_be_imported_is_said() {
         let csv = folder.path().join("a.csv");
         std::fs::write(&csv, &text).unwrap();
         let log = folder.path().join("a.mcap");
-        let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap());
+        let states = Table::read(&csv, 0).unwrap().states(&columns.parse().unwrap());
         let error = states.and_then(|states| write(&states, &conditions(), "a.csv", &log)).unwrap_err();
         let said = format!("{error}; {}", error.help().map_or_else(String::new, |help| help.to_string()));
         assert!(said.contains(why) && error.is_wrong_use(), "{why}: {said}");
@@ -281,7 +281,7 @@ fn separator_is_told_from_a_decimal_comma() {
     let csv = folder.path().join("a.csv");
     let read = |bytes: &[u8]| {
         std::fs::write(&csv, bytes).unwrap();
-        Table::read(&csv)
+        Table::read(&csv, 0)
     };
     for text in ["\r\nt;y\r\n0;1\r\n1;2\r\n", "# 1,2\n\nt;\"y, seen; deg\"\n0;1\n1;2\n", "\"t, s;\",y\n0,1\n1,2\n"] {
         let states = read(text.as_bytes()).unwrap().states(&"time=#1,yaw=#2,pitch=0,roll=0".parse().unwrap()).unwrap();
@@ -302,11 +302,15 @@ fn errors_name_the_line_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("a.csv");
     let text = "# a camera\n\nt;y\n0;1\n# it was lost\n\n1;2\n2;x\n3;4\n";
-    for (text, line) in
-        [(text.to_owned(), 8), (text.replace('\n', "\r\n"), 8), (text.replace("# it was lost\n", ""), 7)]
-    {
+    for (text, skip, line) in [
+        (text.to_owned(), 0, 8),
+        (text.replace('\n', "\r\n"), 0, 8),
+        (text.replace("# it was lost\n", ""), 0, 7),
+        (format!("camera;30 Hz;x;y\n\"take;\n{text}"), 2, 10),
+    ] {
         std::fs::write(&csv, format!("\u{feff}{text}")).unwrap();
-        let error = Table::read(&csv).unwrap().states(&"time=t,yaw=y,pitch=0,roll=0".parse().unwrap()).unwrap_err();
+        let error =
+            Table::read(&csv, skip).unwrap().states(&"time=t,yaw=y,pitch=0,roll=0".parse().unwrap()).unwrap_err();
         assert!(error.to_string().contains(&format!("line {line}: \"x\" for yaw")), "{error}");
     }
 }
@@ -327,7 +331,7 @@ fn tilt_at_rest_that_may_be_of_the_frame_is_said() {
             format!("{time_s},{},{},{},{}\n", q.w, q.i, q.j, q.k)
         };
         std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
-        let states = Table::read(&csv).unwrap().states(&"time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap()).unwrap();
+        let states = Table::read(&csv, 0).unwrap().states(&"time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap()).unwrap();
         let speeds = Some([37.7, -12.3].map(CentiRpm::from_rpm));
         let known = Conditions { uncertainty_deg: Some([0.5, 0.3]), speeds, run_s: Some(5.0..39.0), ..conditions() };
         let log = folder.path().join("a.mcap");
@@ -354,7 +358,7 @@ fn the_run_ends_where_the_motors_slow_down() {
     };
     std::fs::write(&csv, format!("0,1,2,3,4,5\n{}", (0..350).map(row).collect::<String>())).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     assert_eq!((states.rows.len(), states.rows[0].time_s), (350, 0.013));
     let imported = write(&states, &conditions(), "numbered.csv", &folder.path().join("numbered.mcap")).unwrap();
     let [start, end] = [imported.run_s.start, imported.run_s.end];
@@ -376,7 +380,7 @@ fn rows_of_zeros_beside_an_attitude_are_grave() {
         };
         std::fs::write(&csv, (0..300).map(row).collect::<String>()).unwrap();
         let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
-        let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+        let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
         write(&states, &conditions(), "a.csv", &log).unwrap();
         let data = Judged::read(&log, Want::default()).unwrap().data;
         let found = Judged::of(data.clone()).findings;
@@ -398,11 +402,11 @@ fn noisy_speeds_leave_the_rest_at_rest() {
     };
     std::fs::write(&csv, (0..1500).map(row).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     let imported = write(&states, &conditions(), "a.csv", &folder.path().join("a.mcap")).unwrap();
     assert!((imported.run_s.start - 10.0).abs() < 0.3 && (imported.run_s.end - 40.0).abs() < 0.3, "{imported:?}");
     let rps: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5:rps,w2=#6:rps".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&rps).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&rps).unwrap();
     let error = write(&states, &conditions(), "a.csv", &folder.path().join("b.mcap")).unwrap_err();
     assert_eq!(error.to_string(), "a.csv: motor 1 turns faster than 90 rpm");
 }
@@ -410,24 +414,29 @@ fn noisy_speeds_leave_the_rest_at_rest() {
 /// A run from 5 s to 25 s at -40°, the return to rest, and a slip of the instrument in the run.
 #[test]
 fn robot_hangs_upright_and_comes_back() {
-    let found = |roll_deg: f64, slip_deg: f64| {
+    let slipped = |slip_deg: f64, time_s: f64| slip_deg * (time_s - 15.0).clamp(0.0, 1.0);
+    let found = |roll_deg: f64, slips_deg: [f64; 2]| {
         let row = |time_s: f64| {
             let (run_s, after_s) = ((time_s - 5.0).clamp(0.0, 20.0), (time_s - 25.0).max(0.0));
             let yaw_deg = -40.0 * (1.0 - (-run_s / 3.0).exp()) * (-after_s / 10.0).exp();
-            (yaw_deg + slip_deg * (time_s - 15.0).clamp(0.0, 1.0), run_s * 37.7 / 60.0)
+            (yaw_deg + slipped(slips_deg[0], time_s), run_s * 37.7 / 60.0)
         };
+        let roll_deg = |time_s: f64| roll_deg + slipped(slips_deg[1], time_s);
         let found = grave_with_roll(roll_deg, 0.1, row, Some(5.0..25.0));
         found.lines().filter(|line| !line.starts_with("not settled")).collect::<String>()
     };
-    assert_eq!([found(0.0, 0.0), found(8.0, 0.0)], ["", ""]);
-    let slipped = found(0.0, 20.0);
-    assert!(slipped.contains("the yaw does not come back") && slipped.contains("instrument has moved"), "{slipped}");
+    assert_eq!([found(0.0, [0.0; 2]), found(8.0, [0.0; 2]), found(0.0, [4.0, 1.0])], ["", "", ""]);
+    for (slips_deg, said) in [([20.0, 0.0], "the yaw does not come back"), ([0.0, 4.0], "the roll does not come back")]
+    {
+        let slipped = found(0.0, slips_deg);
+        assert!(slipped.contains(said) && slipped.contains("instrument has moved"), "{slipped}");
+    }
     for (roll_deg, frame) in [
         (15.0, "tilted by 15.0"),
         (92.0, "axis of the body's frame points"),
         (179.0, "the z axis of the body's frame points down"),
     ] {
-        let askew = found(roll_deg, 0.0);
+        let askew = found(roll_deg, [0.0; 2]);
         assert!(askew.contains(frame), "{roll_deg}: {askew}");
     }
 }

@@ -36,7 +36,7 @@ fn import(rows: &[(f64, Turn)], rpm: [f64; 2], as_read: impl Fn(Turn) -> Quatern
     };
     std::fs::write(&csv, rows.iter().map(row).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap();
-    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
     let conditions = Conditions {
         speeds: Some(rpm.map(CentiRpm::from_rpm)),
         run_s: Some(REST_S..REST_S + RUN_S - 0.1),
