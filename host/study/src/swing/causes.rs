@@ -23,6 +23,11 @@ pub enum Cause {
     Stands(usize),
     /// They turned at these speeds, rpm.
     Other([f64; 2]),
+    /// None of these: the strongest line is at this speed, rpm.
+    Unknown {
+        /// Without its sense.
+        line_rpm: f64,
+    },
     /// The motors stopped before the end of the run.
     StopEarly {
         /// When, in the times of the angles.
@@ -83,7 +88,7 @@ impl Cause {
                 (rpm.into_iter().all(is_fast)).then_some(left)
             }
             Self::Other(rpm) => Some(rpm),
-            Self::StopEarly { .. } => None,
+            Self::Unknown { .. } | Self::StopEarly { .. } => None,
         }
     }
 }
@@ -94,7 +99,7 @@ impl Cause {
         match self {
             Self::Factor { motors, .. } | Self::Sign(motors) => motors != [true; 2],
             Self::Stands(_) => true,
-            Self::Swapped | Self::Reversed | Self::Other(_) | Self::StopEarly { .. } => false,
+            Self::Swapped | Self::Reversed | Self::Other(_) | Self::Unknown { .. } | Self::StopEarly { .. } => false,
         }
     }
 
@@ -123,6 +128,9 @@ impl fmt::Display for Cause {
             Self::Reversed => write!(f, "each motor had the speed of the other, and turned the other way"),
             Self::Stands(motor) => write!(f, "motor {} stood", motor + 1),
             Self::Other([one, two]) => write!(f, "the motors turned at {one:.1} and {two:.1} rpm"),
+            Self::Unknown { line_rpm } => {
+                write!(f, "the motors turned at other speeds, one of them maybe at {line_rpm:.1} rpm")
+            }
             Self::StopEarly { at_s } => write!(f, "the motors stopped at {at_s:.0} s"),
         }
     }

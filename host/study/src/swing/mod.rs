@@ -48,7 +48,10 @@ const REFINED: usize = 6;
 /// The largest share of a motion that its speeds may leave.
 const MOST_LEFT: f64 = 0.35;
 
-/// The same of two speeds that are nearly one.
+/// A label that leaves more is wrong, whatever the cause.
+const LOST: f64 = 0.75;
+
+/// The largest share that two speeds leave which are nearly one.
 const NEAR_LEFT: f64 = 0.15;
 
 /// Turns of a frame by two motors that are nearer than this agree, degrees.
@@ -169,9 +172,9 @@ pub fn label(trial: &Labelled) -> Label {
     let found = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&found);
     let readings = Readings { fitter: &fitter, trial };
-    let label = match readings.at(trial.rpm, 3) {
-        Some((label, _)) => label,
-        None if fastest_rpm > FASTEST_RPM => TOO_FAST,
+    let (label, is_lost) = match readings.at(trial.rpm, 3) {
+        Some((label, fit)) => (label, fit.left.iter().all(|left| *left > LOST)),
+        None if fastest_rpm > FASTEST_RPM => (TOO_FAST, false),
         None => return Label::NotJudged("the label's lines fall together"),
     };
     if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
@@ -222,6 +225,7 @@ pub fn label(trial: &Labelled) -> Label {
             Label::Wrong(said.map(|(_, cause, _)| *cause).collect())
         }
         None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
+        None if is_lost && !is_noisy => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
         None => Label::Right,
     }
 }

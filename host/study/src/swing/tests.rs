@@ -133,7 +133,7 @@ fn says(causes: &[Cause], truth: [f64; 2], label: [f64; 2]) -> bool {
             Cause::Reversed => [-label[1], -label[0]],
             Cause::Stands(k) => of([k == 0, k == 1], 0.0),
             Cause::Other(rpm) => rpm,
-            Cause::StopEarly { .. } => return false,
+            Cause::Unknown { .. } | Cause::StopEarly { .. } => return false,
         };
         (0..2).all(|k| {
             (explained[k] - truth[k]).abs() < 0.012 * truth[k].abs() + 0.02 * label[k].abs().min(truth[k].abs())
