@@ -11,8 +11,8 @@ pub mod pack;
 pub use page::{figure, film, report};
 pub use rig::{link, live};
 pub use study::{
-    aim, attitude, colour, export, import, lock, output, plan, preview, program, progress, sensor, session, sweep,
-    text, trial, twin,
+    aim, attitude, colour, export, import, lock, output, plan, preview, program, progress, sensor, session, statistics,
+    sweep, text, trial, twin,
 };
 pub use system::{claim, signals};
 

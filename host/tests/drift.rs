@@ -2,6 +2,7 @@
 
 use host::attitude::{Columns, Drift, Reading, Rest, Series};
 use host::sensor::Sensor;
+use host::statistics::student_95;
 use std::path::Path;
 
 /// Duration of the calibration, whose noise does not reach the yaw of an upright robot, s.

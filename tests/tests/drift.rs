@@ -1,8 +1,9 @@
 //! Drift of the yaw over five and a half minutes of data from a real sensor at rest, through the real firmware, and coverage of
 //! the stated uncertainty. `host/tests/drift.rs` has all eleven minutes, without the firmware.
 
-use host::attitude::{Drift, Rest, Series, student_95};
+use host::attitude::{Drift, Rest, Series};
 use host::sensor::Sensor;
+use host::statistics::student_95;
 use host::trial::{Judged, Want};
 use std::path::Path;
 use tests::{Bench, data};

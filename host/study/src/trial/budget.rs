@@ -136,11 +136,12 @@ impl Budget {
             }
         }
         terms.sort_by_key(|term| term.common_to == CommonTo::Sensor);
-        Self::new(
-            terms
-                .into_iter()
-                .map(|term| Term { evaluation: term.evaluation, ..Term::new(term.name, term.common_to, term.parts) }),
-        )
+        Self::new(terms.into_iter().map(|term| Term {
+            evaluation: term.evaluation,
+            // That of a trial's own clock is per standard uncertainty; two sensors may have different ones.
+            sensitivity: term.sensitivity.filter(|_| term.common_to == CommonTo::Trial).map(|_| term.u_deg),
+            ..Term::new(term.name, term.common_to, term.parts)
+        }))
     }
 
     /// Returns the covariance with another angle, degrees², due to the errors that all trials of one sensor share.
