@@ -113,7 +113,8 @@ fn typical_sensor_is_in_the_intervals_and_a_copy_is_no_evidence() {
         assert!((low..=high).contains(&truth), "{estimate:?}");
     }
     assert!(two.misfits.is_empty() && two.cannot_tell.is_empty() && two.warnings.is_empty(), "{two:?}");
-    let cut_off = Data { condition: Condition::CutOff, ..hidden.trial([37.3, -61.9], &mut draw) };
+    let mut cut_off = hidden.trial([37.3, -61.9], &mut draw);
+    cut_off.condition = Condition::CutOff;
     let [one, other] = &trials;
     let more = fit(&[cut_off.clone(), one.clone(), other.clone(), one.clone(), other.clone()]);
     assert_eq!(more.parameters, two.parameters);

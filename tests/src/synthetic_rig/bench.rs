@@ -6,7 +6,7 @@ use super::random::Random;
 use super::recording::CLOCK_U;
 use biflag_log::MeasuredSensorMeta;
 use host::sensor::{
-    Estimate, MeasuredSensor, PoseStep, PosesWatch, RawReading, StillWatch, TurnPlan, TurnStep, TurnWatch,
+    AXES, Estimate, MeasuredSensor, PoseStep, PosesWatch, RawReading, StillWatch, TurnPlan, TurnStep, TurnWatch,
 };
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::Settings;
@@ -22,7 +22,7 @@ impl Part {
     /// one, that it has no errors, and its noise from `sensor still 600`.
     pub fn measured(&self, random: &mut Random) -> MeasuredSensorMeta {
         let is_ideal = self.lot == Lot::Ideal;
-        let mut file = if is_ideal { MeasuredSensor::exact() } else { MeasuredSensor::new(&Settings::DEFAULT) };
+        let mut file = if is_ideal { exact() } else { MeasuredSensor::new(&Settings::DEFAULT) };
         if !is_ideal {
             poses(self, random, &mut file);
             (0..3).for_each(|axis| turns(self, random, axis, &mut file));
@@ -33,9 +33,24 @@ impl Part {
     }
 }
 
+/// Returns the file of a sensor for which all measured errors are exactly zero.
+fn exact() -> MeasuredSensor {
+    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+    for i in AXES {
+        ["gyro_scale", "accel_scale", "mounting_deg"].iter().for_each(|table| file.set(table, i, Estimate::default()));
+        for j in AXES {
+            file.set("gyro_g_dps", &format!("{i}{j}"), Estimate::default());
+            for table in ["gyro_cross", "accel_cross"].iter().filter(|_| i != j) {
+                file.set(table, &format!("{i}{j}"), Estimate::default());
+            }
+        }
+    }
+    file
+}
+
 /// Returns what is known of a sensor that has no errors but one, which is known with a standard uncertainty.
 pub fn known_but_for(table: &str, key: &str, value: f64, u: f64) -> MeasuredSensorMeta {
-    let mut file = MeasuredSensor::exact();
+    let mut file = exact();
     file.set(table, key, Estimate { value, u });
     MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
 }

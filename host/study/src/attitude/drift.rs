@@ -19,8 +19,8 @@
 
 use super::decay::Decay;
 use super::rest::{Noise, SHORTEST_REST_S, Stretch, after_run, blocks_of};
-use super::returns::Motions;
-use super::smoother::{Rotation, Target, rotation};
+use super::returns::{Motions, Rotation};
+use super::smoother::{Target, rotation};
 use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
 use sim::functions::{cos, powi, sin};

@@ -6,8 +6,7 @@
 //! phase with residuals as small as the noise is taken to follow this law.
 
 use super::Track;
-use crate::statistics::variance_ratio;
-use nalgebra::{Matrix2, Vector2};
+use crate::statistics::{Line, variance_ratio};
 use sim::functions::{exp, ln, powi};
 use std::ops::Range;
 
@@ -146,7 +145,8 @@ fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option
     const REFINED: u32 = 24;
     let step = ln(fast / slow) / f64::from(TRIED);
     let tried = (0..=TRIED).map(|i| slow * exp(step * f64::from(i)));
-    let of = |passed: f64| squares(blocks, passed).unwrap_or(f64::INFINITY);
+    let rates = || blocks.iter().map(|(_, rate)| *rate).enumerate();
+    let of = |passed: f64| Line::through(rates().map(|(i, rate)| (exp(-passed * i as f64), rate))).squares;
     let best = tried.min_by(|a, b| of(*a).total_cmp(&of(*b)))?;
     // Ternary search between the neighbours of the best decay.
     let (mut low, mut high) = ((ln(best) - step).max(ln(slow)), (ln(best) + step).min(ln(fast)));
@@ -155,18 +155,4 @@ fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option
         if of(exp(a)) < of(exp(b)) { high = b } else { low = a }
     }
     Some(of(best).min(of(exp(0.5 * (low + high))))).filter(|squares| squares.is_finite())
-}
-
-/// Returns the sum of the squared residuals for a decay by `passed` time constants per block.
-fn squares(blocks: &[(Range<f64>, f64)], passed: f64) -> Option<f64> {
-    let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-    for (i, (_, rate)) in blocks.iter().enumerate() {
-        let row = Vector2::new(1.0, exp(-passed * i as f64));
-        normal += row * row.transpose();
-        right += row * *rate;
-    }
-    let solution = normal.try_inverse()? * right;
-    let left =
-        |(i, (_, rate)): (usize, &(Range<f64>, f64))| powi(rate - solution.x - solution.y * exp(-passed * i as f64), 2);
-    Some(blocks.iter().enumerate().map(left).sum())
 }

@@ -97,8 +97,9 @@ pub(super) struct Still<'a> {
     pub from_s: f64,
 }
 
-/// The contribution of the returns to rest to the rotation.
-pub(super) struct Returns {
+/// The rotation due to the bias or to returns to rest, and its covariance, at each time of a grid. Zero at the reference time.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Rotation {
     /// Mean, degrees.
     pub mean: DVector<f64>,
     /// Covariance, degrees².
@@ -124,7 +125,7 @@ struct Combination {
 }
 
 /// Returns the mixture over all combinations.
-pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
+pub(super) fn mixed(still: &Still, motions: &Motions) -> Rotation {
     let families = still.families(motions);
     let best = families.iter().map(Family::best).fold(f64::NEG_INFINITY, f64::max);
     let weight = |combination: &Combination| {
@@ -157,7 +158,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Returns {
     }
     let covariance = square - &mean * mean.transpose();
     let residual_dps = [residual, (residual_square - residual * residual).max(0.0).sqrt()];
-    Returns { mean, covariance, residual_dps }
+    Rotation { mean, covariance, residual_dps }
 }
 
 impl Family {

@@ -15,7 +15,7 @@
 //! [`super::returns`] averages over them.
 
 use super::rest::Stretch;
-use super::returns::{self, Motions, Still};
+use super::returns::{self, Motions, Rotation, Still};
 use super::{BiasNoise, Track};
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector};
@@ -33,17 +33,6 @@ pub const WARMING_DPS_PER_C: f64 = 0.03;
 /// --nocapture`), and the data sheet allows cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section
 /// 6.1).
 const TILT_SHARE: f64 = 0.03;
-
-/// The rotation due to the bias, and its covariance, at each time of a grid. Zero at the reference time.
-#[derive(Clone, PartialEq, Debug)]
-pub(super) struct Rotation {
-    /// Mean, degrees.
-    pub mean: DVector<f64>,
-    /// Covariance, degrees².
-    pub covariance: DMatrix<f64>,
-    /// Mean rate of the first return to rest at the start of the run and its standard deviation, °/s.
-    pub residual_dps: [f64; 2],
-}
 
 /// The times at which to estimate the rotation.
 pub(super) struct Target<'a> {

@@ -10,6 +10,7 @@
 //! At first, a return to rest with a time constant of a minute looks like a bias. So a still robot is only recognised
 //! after 10 s with an MPU6050 as in its data sheet, and after 20 s with a three times noisier one.
 
+use crate::statistics::Line;
 use sim::functions::{atan2, exp, hypot, powi};
 use std::collections::VecDeque;
 
@@ -138,9 +139,11 @@ impl Still {
                 .filter(|(_, block)| block.count > 0.0)
                 .map(|(i, block)| ((i as f64 + 0.5 - count as f64) * BLOCK_S, block.sums[k] / block.count))
                 .unzip();
-            let decays: Vec<(f64, Fit)> = (0..TIME_CONSTANTS)
+            let decays: Vec<(f64, Line)> = (0..TIME_CONSTANTS)
                 .map(|i| SHORTEST_S * powi(RATIO, i))
-                .map(|tau_s| (tau_s, Fit::of(times.iter().map(|time| exp(-time / tau_s)), &means)))
+                .map(|tau_s| {
+                    (tau_s, Line::through(times.iter().map(|time| exp(-time / tau_s)).zip(means.iter().copied())))
+                })
                 .collect();
             let least = decays.iter().map(|(_, fit)| fit.squares).fold(f64::INFINITY, f64::min);
             // Bias, amount and time constant are fitted.
@@ -149,7 +152,7 @@ impl Still {
                 return None;
             }
             let possible = decays.iter().filter(|(_, fit)| fit.squares <= least + POSSIBLE * variance);
-            let amount = |fit: &Fit| fit.slope.abs() + COVERAGE * (variance / fit.spread).sqrt();
+            let amount = |fit: &Line| fit.slope.abs() + COVERAGE * (variance / fit.spread).sqrt();
             Some(possible.map(|(tau_s, fit)| factor(*tau_s) * amount(fit)).fold(0.0, f64::max))
         })
     }
@@ -159,28 +162,4 @@ impl Still {
 fn roughness(values: &[f64]) -> f64 {
     let squares = values.windows(3).map(|three| powi(three[0] - 2.0 * three[1] + three[2], 2));
     squares.sum::<f64>() / (6.0 * (values.len() as f64 - 2.0))
-}
-
-/// A line through points by least squares.
-struct Fit {
-    slope: f64,
-    /// Sum of the squared abscissas about their mean.
-    spread: f64,
-    /// Sum of the squared residuals.
-    squares: f64,
-}
-
-impl Fit {
-    fn of(abscissas: impl Iterator<Item = f64> + Clone, values: &[f64]) -> Self {
-        let count = values.len() as f64;
-        let (middle, level) = (abscissas.clone().sum::<f64>() / count, values.iter().sum::<f64>() / count);
-        let [mut spread, mut along, mut squares] = [0.0; 3];
-        for (x, y) in abscissas.zip(values).map(|(x, y)| (x - middle, y - level)) {
-            spread += x * x;
-            along += x * y;
-            squares += y * y;
-        }
-        let slope = along / spread;
-        Self { slope, spread, squares: (squares - slope * along).max(0.0) }
-    }
 }

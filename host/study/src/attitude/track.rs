@@ -1,6 +1,6 @@
 //! Time series.
 
-use sim::functions::powi;
+use crate::statistics::Line;
 use std::ops::Range;
 
 /// A gap is an interval longer than this many median intervals, and longer than [`GAP_S`].
@@ -180,13 +180,9 @@ impl Track<'_> {
     /// Returns the slope per second over a range of time by least squares, with equal weights.
     pub fn slope(&self, range: Range<f64>) -> Option<f64> {
         let part = self.time_s.partition_point(|t| *t < range.start)..self.time_s.partition_point(|t| *t <= range.end);
-        let points = || self.time_s[part.clone()].iter().zip(&self.value[part.clone()]);
-        let count = part.len() as f64;
-        let (t, v) = points().fold((0.0, 0.0), |(t, v), (time, value)| (t + time / count, v + value / count));
-        let (across, along) = points().fold((0.0, 0.0), |(across, along), (time, value)| {
-            (across + (time - t) * (value - v), along + powi(time - t, 2))
-        });
-        (along > 0.0).then(|| across / along)
+        let points = self.time_s[part.clone()].iter().copied().zip(self.value[part].iter().copied());
+        let line = Line::through(points);
+        (line.spread > 0.0).then_some(line.slope)
     }
 }
 

@@ -48,11 +48,8 @@ impl Conditions {
             states.rows.first().zip(states.rows.last()).map_or((0.0, 0.0), |(a, b)| (a.time_s, b.time_s));
         if first > run.start {
             let reason = format!("begins {:.2} s after the start of the run", first - run.start);
-            return Err(ImportError::table(
-                table,
-                reason,
-                "name a table that begins before the run: its zero is the rest",
-            ));
+            let help = "name a table that begins before the run: its zero is the rest";
+            return Err(ImportError::table(table, reason, help));
         }
         let trial = recording.records.trial.as_ref();
         Ok(Self {

@@ -101,39 +101,31 @@ impl Mapping {
 
     fn check(&self) -> Result<(), ImportError> {
         let missing = |quantity: Quantity| !self.has(quantity);
+        let wrong = |reason: String, help: &str| Err(ImportError::columns(reason, help));
         let (angles, quaternion) = ([0, 1, 2].map(Quantity::Angle), [0, 1, 2, 3].map(Quantity::Quaternion));
-        let help = "for example time=t,yaw=yaw,pitch=pitch,roll=roll; an angle that was not measured is given as a number: \
-                    roll=0";
-        if missing(Quantity::Time) {
-            return Err(ImportError::columns("time is missing", help));
-        }
         let has_quaternion = !quaternion.iter().all(|part| missing(*part));
-        if has_quaternion && !angles.iter().all(|angle| missing(*angle)) {
+        if has_quaternion && !missing(Quantity::Time) && !angles.iter().all(|angle| missing(*angle)) {
             let help = "name either yaw, pitch and roll, or qw, qx, qy and qz";
-            return Err(ImportError::columns("the attitude is given twice", help));
+            return wrong("the attitude is given twice".to_owned(), help);
         }
         let parts = if has_quaternion { &quaternion[..] } else { &angles[..] };
-        if let Some(quantity) = parts.iter().find(|part| missing(**part)) {
-            return Err(ImportError::columns(format!("{} is missing", name_of(*quantity)), help));
+        if let Some(quantity) = [Quantity::Time].iter().chain(parts).find(|part| missing(**part)) {
+            let help = "for example time=t,yaw=yaw,pitch=pitch,roll=roll; an angle that was not measured is given as a number: \
+                        roll=0";
+            return wrong(format!("{} is missing", name_of(*quantity)), help);
         }
         for k in [0, 1] {
-            let [speed, turns] = [Quantity::Speed(k), Quantity::Turns(k)];
-            let [other_speed, other_turns] = [Quantity::Speed(1 - k), Quantity::Turns(1 - k)];
-            for (quantity, partner) in [(speed, other_speed), (turns, other_turns)] {
-                if !missing(quantity) && missing(partner) {
-                    let reason = format!("{} is given without {}", name_of(quantity), name_of(partner));
-                    return Err(ImportError::columns(
-                        reason,
-                        format!("name both, or give {} as a number", name_of(partner)),
-                    ));
+            for of in [Quantity::Speed as fn(usize) -> Quantity, Quantity::Turns] {
+                if !missing(of(k)) && missing(of(1 - k)) {
+                    let [given, partner] = [of(k), of(1 - k)].map(name_of);
+                    let help = format!("name both, or give {partner} as a number");
+                    return wrong(format!("{given} is given without {partner}"), &help);
                 }
             }
         }
         if !missing(Quantity::Speed(0)) && !missing(Quantity::Turns(0)) {
-            return Err(ImportError::columns(
-                "the motion of the motors is given twice",
-                "name w1 and w2, or turns1 and turns2",
-            ));
+            let help = "name w1 and w2, or turns1 and turns2";
+            return wrong("the motion of the motors is given twice".to_owned(), help);
         }
         Ok(())
     }
@@ -149,17 +141,15 @@ impl FromStr for Value {
     type Err = ImportError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let wrong = |reason: String, help: &str| Err(ImportError::columns(reason, help));
         let names = || QUANTITIES.map(|(name, ..)| name).join(", ");
         let Some((name, source)) = text.split_once('=') else {
             let help = format!("write QUANTITY=COLUMN for each; the quantities are {}", names());
-            return Err(ImportError::columns(format!("{text:?} names no column"), help));
+            return wrong(format!("{text:?} names no column"), &help);
         };
         let found = QUANTITIES.into_iter().find(|(known, ..)| *known == name.trim());
         let Some((name, quantity, units)) = found else {
-            return Err(ImportError::columns(
-                format!("{:?} is no quantity", name.trim()),
-                format!("one of {}", names()),
-            ));
+            return wrong(format!("{:?} is no quantity", name.trim()), &format!("one of {}", names()));
         };
         let source = source.trim();
         let (sign, column) = source.strip_prefix('-').map_or((1.0, source), |rest| (-1.0, rest));
@@ -168,27 +158,23 @@ impl FromStr for Value {
                 Some(unit) => (column.trim(), *unit),
                 None => {
                     let known: Vec<_> = units.iter().map(|(name, _)| *name).collect();
-                    let help = format!("one of {}", known.join(", "));
-                    return Err(ImportError::columns(format!("{unit:?} is no unit of {name}"), help));
+                    return wrong(format!("{unit:?} is no unit of {name}"), &format!("one of {}", known.join(", ")));
                 }
             },
             None => (column, units[0]),
         };
         let from = if let Ok(value) = column.parse::<f64>() {
             if !value.is_finite() || quantity == Quantity::Time {
-                return Err(ImportError::columns(format!("{name} cannot be {value}"), "name its column"));
+                return wrong(format!("{name} cannot be {value}"), "name its column");
             }
             Place::Constant(value)
         } else if let Some(number) = column.strip_prefix('#') {
             match number.parse::<usize>() {
                 Ok(number) if number > 0 => Place::Number(number - 1),
-                _ => return Err(ImportError::columns(format!("{column:?} is no column"), "the first column is #1")),
+                _ => return wrong(format!("{column:?} is no column"), "the first column is #1"),
             }
         } else if column.is_empty() {
-            return Err(ImportError::columns(
-                format!("{name} names no column"),
-                "write the name of the column after =",
-            ));
+            return wrong(format!("{name} names no column"), "write the name of the column after =");
         } else {
             Place::Named(column.to_owned())
         };

@@ -39,6 +39,7 @@ impl Run {
         run: Option<Range<f64>>,
         table: &str,
     ) -> Result<Self, ImportError> {
+        let wrong = |reason: &str, help| ImportError::table(table, reason, help);
         let rows = &states.rows;
         let (first, last) = (rows[0].time_s, rows[rows.len() - 1].time_s);
         if let Some(run) = &run
@@ -46,7 +47,7 @@ impl Run {
         {
             let reason =
                 format!("the table lasts from {first} to {last} s, and the run from {} to {} s", run.start, run.end);
-            return Err(ImportError::table(table, reason, "name a run within the table with --run"));
+            return Err(wrong(&reason, "name a run within the table with --run"));
         }
         let is_measured = rows[0].turns.is_some() || rows[0].speed_rpm.is_some();
         let (run, turns) = if is_measured {
@@ -54,21 +55,15 @@ impl Run {
             let run = match run {
                 Some(run) => run,
                 None => {
-                    let moving = moving(rows, &turns).ok_or_else(|| {
-                        ImportError::table(
-                            table,
-                            "its motors never turn",
-                            "name the columns of their speeds, w1 and w2",
-                        )
-                    })?;
-                    without_end(rows, &turns, moving)
+                    let still = || wrong("its motors never turn", "name the columns of their speeds, w1 and w2");
+                    without_end(rows, &turns, moving(rows, &turns).ok_or_else(still)?)
                 }
             };
             (run, turns)
         } else {
             let Some(speeds) = speeds else {
                 let help = "name the speeds with --speeds, or the columns w1 and w2, or turns1 and turns2";
-                return Err(ImportError::table(table, "the speeds of the motors are not known", help));
+                return Err(wrong("the speeds of the motors are not known", help));
             };
             let run = run.unwrap_or(first..last);
             let turns =
@@ -79,7 +74,7 @@ impl Run {
         let speeds = speeds.unwrap_or_else(|| mean_speeds(rows, &turns, &run));
         if let Some(k) = [0, 1].into_iter().find(|k| speeds[*k].rpm().abs() > FASTEST_RPM) {
             let reason = format!("motor {} turns faster than {FASTEST_RPM} rpm", k + 1);
-            return Err(ImportError::table(table, reason, "check the units of w1 and w2, or of turns1 and turns2"));
+            return Err(wrong(&reason, "check the units of w1 and w2, or of turns1 and turns2"));
         }
         Ok(Self { run, speeds, turns })
     }

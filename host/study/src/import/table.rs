@@ -89,11 +89,8 @@ impl States {
             }
         }
         if rows.len() < 2 {
-            return Err(ImportError::table(
-                table,
-                format!("has {} rows with all values", rows.len()),
-                "name another table",
-            ));
+            let reason = format!("has {} rows with all values", rows.len());
+            return Err(ImportError::table(table, reason, "name another table"));
         }
         let is_constant = |k: &usize| rows.iter().all(|row| row.angles_deg[*k] == rows[0].angles_deg[*k]);
         let constant = (0..3).filter(is_constant).map(|k| ["yaw", "pitch", "roll"][k].to_owned()).collect();
@@ -210,28 +207,21 @@ impl Table {
 
     /// Returns the number of a value's column; `None` for a constant.
     fn column(&self, value: &Value) -> Result<Option<usize>, ImportError> {
-        match &value.from {
-            Place::Constant(_) => Ok(None),
-            Place::Number(number) => Ok(Some(*number)),
-            Place::Named(name) => {
-                let named: Vec<usize> = (0..self.header.len()).filter(|i| self.header[*i] == *name).collect();
-                match named.as_slice() {
-                    [one] => Ok(Some(*one)),
-                    [] if self.header.is_empty() => {
-                        let help = "name the columns by their numbers: time=#1";
-                        Err(ImportError::columns(format!("{} has no names of columns", self.name), help))
-                    }
-                    [] => {
-                        let help = format!("its columns are {}", self.header.join(", "));
-                        Err(ImportError::columns(format!("{} has no column {name}", self.name), help))
-                    }
-                    _ => {
-                        let reason = format!("{} has {} columns {name}", self.name, named.len());
-                        Err(ImportError::columns(reason, "name the column by its number: time=#1"))
-                    }
-                }
+        let name = match &value.from {
+            Place::Constant(_) => return Ok(None),
+            Place::Number(number) => return Ok(Some(*number)),
+            Place::Named(name) => name,
+        };
+        let named: Vec<usize> = (0..self.header.len()).filter(|i| self.header[*i] == *name).collect();
+        let (what, help) = match named.as_slice() {
+            [one] => return Ok(Some(*one)),
+            [] if self.header.is_empty() => {
+                ("no names of columns".to_owned(), "name the columns by their numbers: time=#1".to_owned())
             }
-        }
+            [] => (format!("no column {name}"), format!("its columns are {}", self.header.join(", "))),
+            all => (format!("{} columns {name}", all.len()), "name the column by its number: time=#1".to_owned()),
+        };
+        Err(ImportError::columns(format!("{} has {what}", self.name), help))
     }
 
     /// Returns a value in the quantity's first unit; `None` if the cell is empty.
@@ -246,25 +236,19 @@ impl Table {
             let Place::Constant(constant) = value.from else { return Ok(None) };
             return Ok(Some(constant * value.factor));
         };
-        let table = || format!("{}, line {line}", self.name);
-        let Some(cell) = cells.get(column) else {
-            let reason = format!("has {} columns, so no column {} for {}", cells.len(), column + 1, value.name);
-            return Err(ImportError::table(&table(), reason, "check the numbers of the columns"));
+        let (reason, help) = match cells.get(column).map(|cell| (cell, cell.parse::<f64>())) {
+            Some((cell, _)) if is_empty(cell) => return Ok(None),
+            Some((_, Ok(number))) => return Ok(Some(number * value.factor)),
+            Some((cell, Err(_))) => (
+                format!("{cell:?} for {} is not a number", value.name),
+                "write numbers with a decimal point; leave a missing value empty",
+            ),
+            None => (
+                format!("has {} columns, so no column {} for {}", cells.len(), column + 1, value.name),
+                "check the numbers of the columns",
+            ),
         };
-        if is_empty(cell) {
-            return Ok(None);
-        }
-        match cell.parse::<f64>() {
-            Ok(number) => Ok(Some(number * value.factor)),
-            Err(_) => {
-                let reason = format!("{cell:?} for {} is not a number", value.name);
-                Err(ImportError::table(
-                    &table(),
-                    reason,
-                    "write numbers with a decimal point; leave a missing value empty",
-                ))
-            }
-        }
+        Err(ImportError::table(&format!("{}, line {line}", self.name), reason, help))
     }
 }
 

@@ -72,7 +72,7 @@ pub struct Mean {
 
 impl Mean {
     /// Adds a reading (Welford's method).
-    fn push(&mut self, reading: &RawReading) {
+    pub fn push(&mut self, reading: &RawReading) {
         if self.count == 0.0 {
             self.span_s[0] = reading.time_s;
         }

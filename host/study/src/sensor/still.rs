@@ -6,9 +6,9 @@
 //! uncertainty is 1/√(2 (n/m - 1)). [`bias_noise`] estimates flicker and random walk of the bias.
 
 use super::file::{AXES, MeasuredSensor};
-use super::least_squares::Fit;
-use super::reading::{Motion, RawReading, Rests};
+use super::reading::{Mean, Motion, RawReading, Rests};
 use super::{Estimate, bias_noise};
+use crate::statistics::Line;
 use miette::Diagnostic;
 use sim::functions::{ln, powi};
 use thiserror::Error;
@@ -57,33 +57,15 @@ pub struct StillWatch {
     rests: Rests,
     first_s: Option<f64>,
     begun_s: Option<f64>,
-    bin: Bin,
-    bins: Vec<Bin>,
-}
-
-/// Means over a bin.
-#[derive(Clone, Copy, Debug, Default)]
-struct Bin {
-    count: f64,
-    rate_dps: [f64; 3],
-    temperature_c: f64,
-}
-
-impl Bin {
-    fn push(&mut self, reading: &RawReading) {
-        self.count += 1.0;
-        let mix = |mean: &mut f64, value: f64| *mean += (value - *mean) / self.count;
-        for i in 0..3 {
-            mix(&mut self.rate_dps[i], reading.rate_dps[i]);
-        }
-        mix(&mut self.temperature_c, reading.temperature_c);
-    }
+    /// The bin of the readings to come.
+    bin: Mean,
+    bins: Vec<Mean>,
 }
 
 impl StillWatch {
     /// Returns a watch for a rest of `seconds`.
     pub fn new(seconds: f64) -> Self {
-        Self { seconds, rests: Rests::default(), first_s: None, begun_s: None, bin: Bin::default(), bins: Vec::new() }
+        Self { seconds, rests: Rests::default(), first_s: None, begun_s: None, bin: Mean::default(), bins: Vec::new() }
     }
 
     /// Adds a reading. Returns the remaining time, s; 0 at the end.
@@ -109,7 +91,7 @@ impl StillWatch {
         while length_s >= (self.bins.len() + 1) as f64 * BIN_S {
             let full = if self.bin.count > 0.0 { self.bin } else { self.bins.last().copied().unwrap_or_default() };
             self.bins.push(full);
-            self.bin = Bin::default();
+            self.bin = Mean::default();
         }
         self.bin.push(reading);
         Ok((self.seconds - length_s).max(0.0))
@@ -132,26 +114,26 @@ impl StillWatch {
     /// Returns the change of each bias with temperature, °/s/K; `None` if the temperature did not change enough.
     fn warming(&self) -> Option<[Estimate; 3]> {
         let points: Vec<_> = self.bins.chunks_exact(POINT).collect();
-        let mean = |point: &[Bin], of: &dyn Fn(&Bin) -> f64| point.iter().map(of).sum::<f64>() / POINT as f64;
+        let mean = |point: &[Mean], of: &dyn Fn(&Mean) -> f64| point.iter().map(of).sum::<f64>() / POINT as f64;
         let warmth: Vec<f64> = points.iter().map(|point| mean(point, &|bin| bin.temperature_c)).collect();
         let least = warmth.iter().copied().fold(f64::INFINITY, f64::min);
         let most = warmth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if most - least < LEAST_KELVIN || points.len() < 6 {
             return None;
         }
-        let rows: Vec<_> = warmth.iter().map(|celsius| [1.0, celsius - least]).collect();
         let slope = |i: usize| {
-            let rates: Vec<f64> = points.iter().map(|point| mean(point, &|bin| bin.rate_dps[i])).collect();
-            let fit = Fit::new(&rows, &rates)?;
-            let left: Vec<f64> =
-                rows.iter().zip(&rates).map(|([_, x], rate)| rate - fit.values[0] - fit.values[1] * x).collect();
-            let lagged: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / fit.squares;
+            let rates = points.iter().map(|point| mean(point, &|bin| bin.rate_dps[i]));
+            let of_warmth: Vec<(f64, f64)> = warmth.iter().copied().zip(rates).collect();
+            let line = Line::through(of_warmth.iter().copied());
+            let left: Vec<f64> = of_warmth.iter().map(|point| line.off(*point)).collect();
+            let lagged: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / line.squares;
             // Correlated neighbours count for less.
             let correlation = lagged.clamp(0.0, 0.95);
-            let longer = ((1.0 + correlation) / (1.0 - correlation)).sqrt();
-            Some(Estimate { value: fit.values[1], u: fit.scatter()? * fit.factors[1] * longer })
+            let longer = (1.0 + correlation) / (1.0 - correlation);
+            let variance = line.squares / (of_warmth.len() - 2) as f64 / line.spread;
+            Estimate { value: line.slope, u: (variance * longer).sqrt() }
         };
-        Some([slope(0)?, slope(1)?, slope(2)?])
+        Some([0, 1, 2].map(slope))
     }
 }
 

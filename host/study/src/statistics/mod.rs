@@ -1,7 +1,9 @@
 //! How well a number is known, and whether chance explains a scatter or a difference.
 
+mod line;
 mod student;
 
+pub use line::Line;
 pub use student::student_95;
 
 use libm::lgamma;

@@ -6,7 +6,7 @@ use super::motion::Motion;
 use super::score::{agreement, beside_the_other, in_plane_dps, least_dps, score};
 use super::{MOST_LEFT, SHAKING};
 use crate::attitude::Columns;
-use crate::statistics::student_95;
+use crate::statistics::{Line, student_95};
 use crate::text::decimal;
 use serde::Serialize;
 use std::fmt;
@@ -283,14 +283,9 @@ pub(super) fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64
     let Some((ahead_s, _)) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
     let count = windows as f64;
     let at = |i: usize| (i as f64 - (count - 1.0) / 2.0) * length_s / count;
-    let squares: f64 = (0..windows).map(|i| at(i) * at(i)).sum();
     [0, 1].map(|motor| {
-        let of = |i: usize| ahead_s[i][motor];
-        let mean = (0..windows).map(of).sum::<f64>() / count;
-        let slope = (0..windows).map(|i| at(i) * of(i)).sum::<f64>() / squares;
-        let left = |i: usize| of(i) - mean - slope * at(i);
-        let variance = (0..windows).map(|i| left(i) * left(i)).sum::<f64>() / (count - 2.0);
-        let share = student_95(count - 2.0) * (variance / squares).sqrt();
+        let line = Line::through((0..windows).map(|i| (at(i), ahead_s[i][motor])));
+        let share = student_95(count - 2.0) * (line.squares / (count - 2.0) / line.spread).sqrt();
         let (scatter, floor) = (INFLATION * share * fit.hz[motor].abs() * 60.0, FLOOR_RPM_S / length_s);
         (scatter * scatter + floor * floor).sqrt()
     })

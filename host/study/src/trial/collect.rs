@@ -138,35 +138,20 @@ impl Collector {
         if records.origin() == Origin::Imported {
             self.take_import(&records);
         }
-        let mut warnings = Vec::new();
-        let marks = bounds::Marks {
-            phases: &self.data.phases,
-            ordered_s: self.ordered_s,
-            fault: self.fault.as_ref(),
-            trial: records.trial.as_ref(),
-            is_model: records.origin() == Origin::Model,
-            summary: records.summary.as_ref(),
-            end_s: self.last_s.unwrap_or_default(),
-        };
-        let times = bounds::times(&marks, &mut warnings);
-        // Without the event of the calibration, the readings before the still phase may have another bias.
-        let calibrated = match self.data.calibrated {
-            0 if records.calibration.is_some() => {
-                self.data.readings.partition_point(|(time, _)| *time < times.preroll.start)
-            }
-            calibrated => calibrated,
-        };
-        clock::correct(Data {
+        let mut data = Data {
             path: path.to_owned(),
             link: link(self.data.link, records.summary.as_ref().map(|summary| summary.link)),
-            times,
             temperature_c: self.temperature_sum / self.frames.max(1) as f64,
             records,
-            calibrated,
             duration_s: self.last_s.unwrap_or_default(),
-            warnings,
             ..self.data
-        })
+        };
+        data.times = bounds::times(&mut data, self.ordered_s, self.fault.as_ref());
+        // Without the event of the calibration, the readings before the still phase may have another bias.
+        if data.calibrated == 0 && data.records.calibration.is_some() {
+            data.calibrated = data.readings.partition_point(|(time, _)| *time < data.times.preroll.start);
+        }
+        clock::correct(data)
     }
 
     /// Converts the states measured by other instruments into the readings of an imported trial.

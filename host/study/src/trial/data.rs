@@ -21,6 +21,7 @@ use sim::trial::quantity::SAMPLE_COLUMNS;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both from their
 /// encoders.
@@ -159,6 +160,8 @@ pub struct Data {
     pub path: PathBuf,
     /// Its metadata.
     pub records: Records,
+    /// The settings in the metadata: parsed once.
+    pub(crate) settings: OnceLock<Option<Settings>>,
     /// Readings of the sensor, without failed ones; for an imported trial, readings of the other instruments.
     pub readings: Vec<(f64, Reading)>,
     /// Index of the first reading after the gyroscope's calibration; earlier rates have another bias.
@@ -276,7 +279,7 @@ impl Data {
 
     /// Returns the settings of the board.
     pub fn settings(&self) -> Option<Settings> {
-        self.records.board.as_ref().and_then(board::of_log)
+        *self.settings.get_or_init(|| self.records.board.as_ref().and_then(board::of_log))
     }
 
     /// Returns whether the motors have no encoders.

@@ -8,6 +8,7 @@
 
 use super::blocks::{BLOCK_S, end_of};
 use crate::attitude::Track;
+use crate::statistics::Line;
 use sim::functions::{exp, exp_m1, powi, sinh};
 use std::ops::Range;
 
@@ -47,11 +48,9 @@ impl RestFit {
         let return_s = return_s.max(SHORTEST_RETURN_S);
         let late = (still.end - LONGEST_S).max(still.start)..still.end;
         let whole = Input::of(tilt, &late, filter_s)?.fit(zero, return_s)?;
-        if whole.is_white {
-            return Some(whole.fit);
-        }
-        let end = Input::of(tilt, &end_of(still), filter_s).and_then(|input| input.fit(zero, return_s));
-        Some(end.unwrap_or(whole).fit)
+        let end = || Input::of(tilt, &end_of(still), filter_s)?.fit(zero, return_s);
+        let (fit, _) = if whole.1 { whole } else { end().unwrap_or(whole) };
+        Some(fit)
     }
 
     /// Returns the variance of a mean of the tilt over `length_s`, degrees².
@@ -71,11 +70,6 @@ struct Input {
     means: Vec<(f64, f64)>,
 }
 
-struct Fitted {
-    fit: RestFit,
-    is_white: bool,
-}
-
 impl Input {
     fn of(tilt: Track, range: &Range<f64>, filter_s: f64) -> Option<Self> {
         let mean_s = MEAN_S * filter_s.clamp(1.0, 5.0);
@@ -88,7 +82,8 @@ impl Input {
         Some(Self { filter_s, mean_s, means: (0..count).map(mean).collect::<Option<_>>()? })
     }
 
-    fn fit(&self, zero: &Range<f64>, return_s: f64) -> Option<Fitted> {
+    /// Returns the fit, and whether its noise is white.
+    fn fit(&self, zero: &Range<f64>, return_s: f64) -> Option<(RestFit, bool)> {
         let group = (BLOCK_S / self.mean_s).round() as usize;
         let (count, groups) = (self.means.len() as f64, self.means.len() / group);
         if groups < 3 {
@@ -99,27 +94,19 @@ impl Input {
         let share = (1.0 - self.filter_s / return_s).abs().max(LEAST_SHARE)
             / mean_of_return(zero.end - zero.start, return_s)
             * mean_of_return(self.mean_s, return_s);
-        let returns: Vec<f64> = self.means.iter().map(|(time, _)| share * exp(-(time - middle) / return_s)).collect();
-        let x = returns.iter().sum::<f64>() / count;
-        let y = self.means.iter().map(|(_, mean)| mean).sum::<f64>() / count;
-        let (mut spread, mut along) = (0.0, 0.0);
-        for (part, (_, mean)) in returns.iter().zip(&self.means) {
-            spread += powi(part - x, 2);
-            along += (part - x) * (mean - y);
-        }
-        let left_deg = along / spread;
-        let off: Vec<f64> =
-            returns.iter().zip(&self.means).map(|(part, (_, mean))| mean - y - left_deg * (part - x)).collect();
+        let points = self.means.iter().map(|(time, mean)| (share * exp(-(time - middle) / return_s), *mean));
+        let line = Line::through(points.clone());
+        let off: Vec<f64> = points.map(|point| line.off(point)).collect();
         // Level and amplitude are fitted.
         let scatter = |of: f64, length_s: f64, count: f64| (of * length_s / (count - 2.0), count - 2.0);
-        let own = scatter(off.iter().map(|off| off * off).sum(), self.mean_s, count);
+        let own = scatter(line.squares, self.mean_s, count);
         // Over longer times, flicker and random walk exceed the white noise.
         let of_group = |part: &[f64]| powi(part.iter().sum::<f64>() / group as f64, 2);
         let slow = scatter(off.rchunks_exact(group).map(of_group).sum(), group as f64 * self.mean_s, groups as f64);
         let is_white = slow.0 <= own.0 * (1.0 + SLOW * (2.0 / slow.1).sqrt());
         let (density, freedom) = if is_white { own } else { slow };
-        let left_u_deg = (density / self.mean_s / spread).sqrt();
-        Some(Fitted { fit: RestFit { density, freedom, left_deg: [left_deg, left_u_deg] }, is_white })
+        let left_u_deg = (density / self.mean_s / line.spread).sqrt();
+        Some((RestFit { density, freedom, left_deg: [line.slope, left_u_deg] }, is_white))
     }
 }
 

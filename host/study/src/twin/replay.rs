@@ -149,7 +149,7 @@ pub fn replay<T: Send>(
     let one = |(trial, attempt): &(Trial, Attempt)| {
         let recording = attempt.read(Want { hash: true, ..want }).map_err(TwinError::from);
         let prepared = recording.and_then(|recording| Ok((prepare(trial, &recording, &robot, settings)?, recording)));
-        let (Prepared { model, course, needs_phase }, recording) = match prepared {
+        let ((model, course, needs_phase), recording) = match prepared {
             Ok(prepared) => prepared,
             Err(error) => return Ok(Outcome::Skipped(trial.name.clone(), error)),
         };
@@ -167,11 +167,14 @@ pub fn replay<T: Send>(
                 batch.pass(trial.phases.total_s());
                 replayed(log, Ok(steady), None)
             }
-            None => match compute(&batch, session, &Job { trial, course, model: &model, plan: &plan }, line) {
-                Ok(run) => replayed(run.log, run.result.map_err(|error| error.to_string()), Some(run.wall_s)),
-                Err(ModelError::Interrupted) => return Ok(Outcome::Interrupted),
-                Err(error) => return Err(error.into()),
-            },
+            None => {
+                replay_folder::retire(session, trial)?;
+                match batch.compute(&Job { trial, course, model: &model, plan: &plan }, line) {
+                    Ok(run) => replayed(run.log, run.result.map_err(|error| error.to_string()), Some(run.wall_s)),
+                    Err(ModelError::Interrupted) => return Ok(Outcome::Interrupted),
+                    Err(error) => return Err(error.into()),
+                }
+            }
         };
         let made = then(&replayed, recording);
         Ok(Outcome::Replayed(Box::new(replayed), made))
@@ -203,19 +206,13 @@ pub(super) fn pool(jobs: usize) -> Result<rayon::ThreadPool, TwinError> {
     Ok(rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(ModelError::Threads)?)
 }
 
-/// The input of a replay.
-struct Prepared {
-    model: Model,
-    course: Course,
-    needs_phase: Option<PhaseCure>,
-}
-
+/// Returns the model and the course of a replay, and how its helix angles can be found if the result depends on them.
 fn prepare(
     trial: &Trial,
     recording: &Judged,
     robot: &Option<Robot>,
     settings: &Settings,
-) -> Result<Prepared, TwinError> {
+) -> Result<(Model, Course, Option<PhaseCure>), TwinError> {
     let Judged { data, angles: zeroed, .. } = recording;
     data.check().map_err(|error| TwinError::unusable(data, error))?;
     let course = course(data, trial)?;
@@ -235,7 +232,7 @@ fn prepare(
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);
-    Ok(Prepared { model, course, needs_phase })
+    Ok((model, course, needs_phase))
 }
 
 /// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after its phase.
@@ -280,15 +277,4 @@ fn cached_replay(
         }
     }
     Ok(None)
-}
-
-/// Computes a replay, after moving older ones away.
-fn compute(
-    batch: &Batch,
-    session: &Session,
-    job: &Job,
-    line: &(dyn Fn(&ModelRun) -> String + Sync),
-) -> Result<ModelRun, ModelError> {
-    replay_folder::retire(session, job.trial)?;
-    batch.compute(job, line)
 }

@@ -56,7 +56,7 @@ use sim::functions::{hypot, powi};
 use sim::params::Robot;
 use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use uncertainty::{Causes, Response};
+use uncertainty::Response;
 use weights::Weights;
 
 /// Yaw, pitch and roll of every block of a trial, degrees.
@@ -222,7 +222,7 @@ impl Spread {
         let response = Response::new(problem)?;
         // Residuals that the sensor explains are not scatter.
         let scatter = Correlated::of_angles(&weights.without_sensors(errors));
-        let Causes { scatter: by_scatter, stated } = response.covariance(&scatter);
+        let [by_scatter, stated] = response.covariances(&scatter);
         // The fitted parameters absorb part of the residuals.
         let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
         let independent: f64 = scatter.iter().map(|scatter| scatter.independent(blocks)).sum();

@@ -14,14 +14,6 @@ pub(super) struct Response<'a, 'b> {
     gains: Vec<Vec<Blocks>>,
 }
 
-/// Covariance of the fitted parameters in the fit's variables, by its causes.
-pub(super) struct Causes {
-    /// The scatter of the residuals.
-    pub scatter: DMatrix<f64>,
-    /// The stated errors of the sensor, the clocks and the solver.
-    pub stated: DMatrix<f64>,
-}
-
 impl<'a, 'b> Response<'a, 'b> {
     /// # Errors
     /// [`TwinError::Fit`] if the trials do not determine all parameters.
@@ -51,8 +43,9 @@ impl<'a, 'b> Response<'a, 'b> {
         Ok(Self { problem, gains: (0..count).map(gain).collect() })
     }
 
-    /// Returns the covariance of the parameters. It holds for any weights of the fit.
-    pub fn covariance(&self, scatter: &[Correlated; 3]) -> Causes {
+    /// Returns the covariance of the parameters in the fit's variables due to the scatter of the residuals, and due to the stated
+    /// errors of the sensor, the clocks and the solver. Both hold for any weights of the fit.
+    pub fn covariances(&self, scatter: &[Correlated; 3]) -> [DMatrix<f64>; 2] {
         let trials = self.problem.given.trials;
         let of_sensors: Vec<Vec<DVector<f64>>> =
             self.gains.iter().map(|gain| self.problem.given.weights.of_sensors(gain)).collect();
@@ -73,14 +66,14 @@ impl<'a, 'b> Response<'a, 'b> {
         let own = |errors: &TrialErrors, k: usize, one: &[f64], other: &[f64]| {
             DVector::from_column_slice(one).dot(&(&errors.own[k] * DVector::from_column_slice(other)))
         };
-        Causes {
-            scatter: by(&|i, j| pairs(i, j).map(|(_, k, one, other)| scatter[k].covariance(one, other)).sum()),
-            stated: by(&|i, j| {
+        [
+            by(&|i, j| pairs(i, j).map(|(_, k, one, other)| scatter[k].covariance(one, other)).sum()),
+            by(&|i, j| {
                 let of_trials: f64 = pairs(i, j).map(|(t, k, one, other)| own(&trials[t].errors, k, one, other)).sum();
                 let of_sensors: f64 = of_sensors[i].iter().zip(&of_sensors[j]).map(|(one, other)| one.dot(other)).sum();
                 of_trials + of_sensors
             }),
-        }
+        ]
     }
 
     /// Returns the possible change of each parameter due to the model's own errors, in the fit's variables.
