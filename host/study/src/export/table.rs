@@ -3,7 +3,7 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
-use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, Term, Zeroed};
+use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, SwingSpeeds, Term, Zeroed};
 use biflag_log::ImportMeta;
 use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities, sample_columns};
 use std::borrow::Cow;
@@ -250,18 +250,10 @@ fn with_steady(mut lines: Vec<String>, zeroed: &Zeroed) -> Vec<String> {
     if let (Some(angles), Some(steady)) = (zeroed.angles(), &zeroed.steady) {
         let Range { start, end } = steady.window;
         let [from, to] = [start, end].map(|time| time - zeroed.run.start);
-        let Angles { yaw_deg, pitch_deg, roll_deg, tilt_deg, .. } = &angles;
-        lines.push(format!(
-            "steady, from {from:.3} to {to:.3} s: yaw {yaw_deg:.4}, pitch {pitch_deg:.4}, roll {roll_deg:.4}, tilt \
-             {tilt_deg:.4} deg"
-        ));
-        let of = [
-            ("yaw", angles.yaw_uncertainty_deg),
-            ("pitch", angles.pitch_uncertainty_deg),
-            ("roll", angles.roll_uncertainty_deg),
-            ("tilt", angles.tilt_uncertainty_deg),
-        ];
-        let known: Vec<_> = of.iter().filter_map(|(angle, deg)| Some(format!("{angle} {:.4}", (*deg)?))).collect();
+        let means = angles.named().map(|(angle, deg, _)| format!("{angle} {deg:.4}")).join(", ");
+        lines.push(format!("steady, from {from:.3} to {to:.3} s: {means} deg"));
+        let of = angles.named().into_iter();
+        let known: Vec<_> = of.filter_map(|(angle, _, deg)| Some(format!("{angle} {:.4}", deg?))).collect();
         if !known.is_empty() {
             lines.push(format!("95 % uncertainty of the steady angles: {} deg", known.join(", ")));
         }
@@ -314,6 +306,9 @@ impl Summary {
     }
 }
 
+/// What is said of an uncertainty beside the column of its value.
+const UNCERTAINTY: &str = "its 95 % uncertainty";
+
 /// Returns the table of a session: one row per trial.
 pub fn session(name: &str, trials: &[Summary]) -> Table {
     let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| {
@@ -327,6 +322,9 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         Column::new(name, about, Values::Int(trials.iter().map(value).collect()))
     };
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
+    let swing = |value: fn(&SwingSpeeds) -> Option<f64>| {
+        move |trial: &Summary| trial.angles.as_ref().and_then(|angles| value(&angles.measured))
+    };
     let mut columns = vec![
         text("trial", "name of the trial", &|trial| trial.name.clone()),
         real("w1_rpm", "target speed of flagellum 1 at the end of the run", &|trial| Some(trial.speeds_rpm[0])),
@@ -334,38 +332,30 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         int("repeat", "repeat of the same speeds, from 1", &|trial| trial.repeat.into()),
         int("complete", "1 if the trial ended as planned", &|trial| trial.complete.into()),
         real("yaw_deg", "steady yaw: mean over the end of the run", &angle(|angles| Some(angles.yaw_deg))),
-        real("yaw_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.yaw_uncertainty_deg)),
+        real("yaw_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.yaw_uncertainty_deg)),
         real("pitch_deg", "steady pitch", &angle(|angles| Some(angles.pitch_deg))),
-        real("pitch_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.pitch_uncertainty_deg)),
+        real("pitch_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.pitch_uncertainty_deg)),
         real("roll_deg", "steady roll", &angle(|angles| Some(angles.roll_deg))),
-        real("roll_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.roll_uncertainty_deg)),
+        real("roll_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.roll_uncertainty_deg)),
         real(
             "tilt_deg",
             "steady tilt: the angle between the robot's axis and the vertical",
             &angle(|angles| Some(angles.tilt_deg)),
         ),
-        real("tilt_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.tilt_uncertainty_deg)),
+        real("tilt_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.tilt_uncertainty_deg)),
         real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
         real(
             "measured_w1_rpm",
             "speed of flagellum 1 by the swing of the robot; empty if it cannot be told",
-            &angle(|angles| angles.measured.measured_w1_rpm),
+            &swing(|swing| swing.measured_w1_rpm),
         ),
-        real(
-            "measured_w1_uncertainty_rpm",
-            "its 95 % uncertainty",
-            &angle(|angles| angles.measured.measured_w1_uncertainty_rpm),
-        ),
+        real("measured_w1_uncertainty_rpm", UNCERTAINTY, &swing(|swing| swing.measured_w1_uncertainty_rpm)),
         real(
             "measured_w2_rpm",
             "speed of flagellum 2 by the swing of the robot",
-            &angle(|angles| angles.measured.measured_w2_rpm),
+            &swing(|swing| swing.measured_w2_rpm),
         ),
-        real(
-            "measured_w2_uncertainty_rpm",
-            "its 95 % uncertainty",
-            &angle(|angles| angles.measured.measured_w2_uncertainty_rpm),
-        ),
+        real("measured_w2_uncertainty_rpm", UNCERTAINTY, &swing(|swing| swing.measured_w2_uncertainty_rpm)),
         text("not_measured", "why these speeds cannot be told", &|trial| {
             trial.angles.as_ref().and_then(|angles| angles.measured.not_measured).unwrap_or_default().to_owned()
         }),

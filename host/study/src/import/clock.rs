@@ -109,35 +109,20 @@ impl Beside {
 
 impl fmt::Display for Beside {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            trial,
-            clock:
-                Clock {
-                    middle_s,
-                    at_middle_s,
-                    at_middle_u_s,
-                    rate_ppm,
-                    rate_u_ppm,
-                    drift_dps,
-                    drift_u_dps,
-                    rms_deg,
-                    rows,
-                    ..
-                },
-            ..
-        } = self;
+        let Self { trial, clock, .. } = self;
         let with = |value: f64, u: f64, decimals: usize| {
             format!("{} ± {}", decimal(value, decimals), decimal(2.0 * u, decimals))
         };
         write!(
             f,
             "clock by the yaw: {} s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
-             yaw: drifts by {} °/s against the recorded one; without it {rows} rows differ by {}° RMS",
-            decimal(*middle_s, 3),
-            with(*at_middle_s, *at_middle_u_s, 3),
-            with(*rate_ppm, *rate_u_ppm, 0),
-            with(*drift_dps, *drift_u_dps, 4),
-            decimal(*rms_deg, 2),
+             yaw: drifts by {} °/s against the recorded one; without it {} rows differ by {}° RMS",
+            decimal(clock.middle_s, 3),
+            with(clock.at_middle_s, clock.at_middle_u_s, 3),
+            with(clock.rate_ppm, clock.rate_u_ppm, 0),
+            with(clock.drift_dps, clock.drift_u_dps, 4),
+            clock.rows,
+            decimal(clock.rms_deg, 2),
         )
     }
 }

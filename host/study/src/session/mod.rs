@@ -19,15 +19,13 @@ mod identity;
 mod lock;
 mod manifest;
 mod rebuild;
-mod recorded;
 mod rig;
 
 pub use error::SessionError;
 pub(crate) use error::{A_SWEEP, is_sweep};
-pub use lock::{Lock, Sharing, UNFINISHED, is_in_use};
+pub use lock::{Lock, Sharing, UNFINISHED, is_being_recorded, is_in_use, recorded};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
-pub use recorded::{is_being_recorded, recorded};
 
 use crate::plan::{Plan, Trial};
 use crate::text::count;

@@ -13,9 +13,7 @@ mod controller;
 mod error;
 mod means;
 mod observation;
-mod pilot;
 mod policy;
-mod record;
 mod result;
 mod steering;
 
@@ -24,11 +22,9 @@ pub use controller::{Controller, Map};
 pub use error::SteerError;
 pub use means::Means;
 pub use observation::{Measured, Observation, Wanted};
-pub use pilot::Pilot;
 pub use policy::{Patience, Policy};
-pub use record::{Times, message};
 pub use result::{Held, Tally};
-pub use steering::{SetPoint, Steering};
+pub use steering::{Pilot, SetPoint, Steering, Times, message};
 
 /// Observations and set-points per second.
 pub const RATE_HZ: f64 = 20.0;

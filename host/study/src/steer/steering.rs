@@ -1,6 +1,7 @@
 //! The control loop without a clock: observations in, set-points out.
 
-use super::{Means, Measured, Observation, Pilot, REACHED_DEG, SteerError, Wanted};
+use super::{Controller, Means, Measured, Observation, Policy, REACHED_DEG, SteerError, Wanted};
+use biflag_log::schema::biflag::{self, Vector};
 use protocol::units::CentiRpm;
 use std::time::Duration;
 
@@ -85,5 +86,98 @@ impl Steering {
     /// are not near it.
     pub fn reached_s(&self) -> Option<f64> {
         self.near_since_s
+    }
+}
+
+/// Who gives the speeds.
+#[derive(Debug)]
+#[expect(missing_docs, reason = "the variants say what their fields are")]
+pub enum Pilot {
+    /// The built-in controller, which answers at once.
+    Controller { controller: Box<Controller>, answer: Option<[f64; 2]> },
+    /// An external program.
+    Policy(Policy),
+}
+
+impl Pilot {
+    /// Returns the built-in controller as a pilot.
+    pub fn of(controller: Controller) -> Self {
+        Self::Controller { controller: Box::new(controller), answer: None }
+    }
+
+    /// Passes an observation on. `period_s`: time since the previous one.
+    ///
+    /// # Errors
+    /// Those of a policy.
+    pub(super) fn ask(&mut self, observation: &Observation, period_s: f64) -> Result<(), SteerError> {
+        match self {
+            Self::Controller { controller, answer } => {
+                *answer = Some(controller.speeds(observation, period_s));
+                Ok(())
+            }
+            Self::Policy(policy) => policy.ask(observation),
+        }
+    }
+
+    /// Returns the speeds (rpm) for the last observation; `None` if they do not arrive within this time.
+    ///
+    /// # Errors
+    /// Those of a policy.
+    pub(super) fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
+        match self {
+            Self::Controller { answer, .. } => Ok(answer.take()),
+            Self::Policy(policy) => policy.answer(within),
+        }
+    }
+}
+
+/// The times when a set-point was due, observed and in force.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Times {
+    /// The board's clock when it was due, µs.
+    pub due_us: u64,
+    /// The board's clock at its observation, µs.
+    pub observed_us: u64,
+    /// The board's clock in the first frame with the set-point in force, µs; `None` if the next set-point came first.
+    pub in_force_us: Option<u64>,
+}
+
+impl Times {
+    /// Returns whether it was in force more than one period after it was due, or never.
+    pub fn is_late(&self) -> bool {
+        self.in_force_us.is_none_or(|in_force_us| in_force_us > self.due_us + super::PERIOD_US)
+    }
+
+    /// Returns the time from the observation until the set-point is in force, s.
+    pub fn latency_s(&self) -> Option<f64> {
+        Some((self.in_force_us?.saturating_sub(self.observed_us)) as f64 * 1e-6)
+    }
+}
+
+/// Returns the message of a set-point. `time_s`: the trial's clock at its observation.
+pub fn message(time_s: f64, times: &Times, set_point: &SetPoint) -> biflag::Steering {
+    let SetPoint { observation, speeds } = set_point;
+    let (wanted, measured) = (&observation.wanted, &observation.measured);
+    let [x, y, z] = measured.rates_dps;
+    biflag::Steering {
+        time_s,
+        due_us: times.due_us,
+        observed_us: times.observed_us,
+        in_force_us: times.in_force_us.unwrap_or_default(),
+        late: times.is_late(),
+        wanted_yaw_deg: wanted.yaw_deg,
+        wanted_pitch_deg: wanted.pitch_deg,
+        yaw_deg: measured.yaw_deg,
+        pitch_deg: measured.pitch_deg,
+        roll_deg: measured.roll_deg,
+        mean_yaw_deg: observation.mean_yaw_deg,
+        mean_pitch_deg: observation.mean_pitch_deg,
+        angular_velocity_dps: Some(Vector { x, y, z }),
+        speed1_rpm: measured.speeds_rpm[0],
+        speed2_rpm: measured.speeds_rpm[1],
+        turns1: measured.turns[0],
+        turns2: measured.turns[1],
+        target1_rpm: speeds[0].rpm(),
+        target2_rpm: speeds[1].rpm(),
     }
 }

@@ -1,7 +1,8 @@
 //! Computes one point: its steady state, averaged over the starting phases, or the reason for its failure.
 
 use super::SweepPlan;
-use super::point::{Point, phases};
+use super::point::{Name, Point, phases};
+use crate::program;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::steady::phase;
@@ -153,6 +154,44 @@ impl Steady {
     fn is_finite(&self) -> bool {
         let is_overturned = self.kind == Kind::Overturned;
         self.values.iter().chain(&self.spreads).all(|v| v.is_finite() || is_overturned && v.is_nan())
+    }
+}
+
+/// The result of a point.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
+pub struct Record {
+    /// Its index in the plan.
+    pub index: u64,
+    /// Its name.
+    pub name: Name,
+    /// Its result.
+    pub outcome: Outcome,
+    /// Its cost.
+    pub cost: Cost,
+}
+
+/// The cost of a point. It is not part of the result.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Cost {
+    /// Processor time, s.
+    pub processor_s: f64,
+    /// Sweeps of the solver over all starting phases, including unsuccessful searches; 0 for a failed point.
+    pub sweeps: u64,
+}
+
+/// The computer and the program that computed points.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Hash, Debug, Default)]
+pub struct Origin {
+    /// Name of the computer.
+    pub host: String,
+    /// Version and commit of the program.
+    pub program: String,
+}
+
+impl Origin {
+    /// Returns the origin of points computed by this program.
+    pub fn here() -> Self {
+        Self { host: system::network::name(), program: format!("{} {}", program::VERSION, program::GIT_HASH) }
     }
 }
 

@@ -13,12 +13,10 @@
 //! written into separate folders and copied into one.
 
 use super::clock::now_s;
-use super::compute::Outcome;
+use super::compute::{Origin, Outcome, Record};
 use super::manifest::{self, Manifest};
 use super::part::{self, PartReader};
-use super::point::{Shard, Sweep};
-use super::points::Points;
-use super::record::{Origin, Record};
+use super::point::{Points, Shard, Sweep};
 use super::{RESULTS, SweepError, SweepPlan};
 use crate::plan::RobotFile;
 use std::path::{Path, PathBuf};

@@ -6,11 +6,9 @@
 //! memory grows little with the number of points.
 
 use super::buckets::Buckets;
-use super::compute::Outcome;
+use super::compute::{Origin, Outcome, Record};
 use super::folder::{Folder, Parts};
-use super::point::Name;
-use super::points::Points;
-use super::record::{Origin, Record};
+use super::point::{Name, Points};
 use super::table::{cost_table, table};
 use super::{SweepError, cost_path, csv_path, parquet_path};
 use crate::export::table::Table;

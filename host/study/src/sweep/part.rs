@@ -12,7 +12,7 @@
 //! the number of its points, so a part cut off during copying is detected.
 
 use super::clock::seconds;
-use super::record::{Origin, Record};
+use super::compute::{Origin, Record};
 use biflag_log::atomic_file::random_name;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
@@ -288,9 +288,9 @@ pub fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::super::clock::now_s;
+    use super::super::compute::Cost;
     use super::super::compute::Outcome;
     use super::super::point::Name;
-    use super::super::record::Cost;
     use super::*;
     use std::time::{Duration, UNIX_EPOCH};
 

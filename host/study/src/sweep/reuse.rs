@@ -3,8 +3,7 @@
 use super::folder::{Counts, Folder};
 use super::manifest::Manifest;
 use super::part::{self, PartReader, PartWriter};
-use super::point::Shard;
-use super::points::Points;
+use super::point::{Points, Shard};
 use super::{RESULTS, SweepError};
 use rayon::prelude::*;
 use std::path::Path;

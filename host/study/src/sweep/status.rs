@@ -2,8 +2,7 @@
 
 use super::SweepError;
 use super::folder::{Counts, Folder};
-use super::point::Shard;
-use super::points::Points;
+use super::point::{Points, Shard};
 use std::collections::BTreeMap;
 
 /// The progress of a shard.

@@ -1,9 +1,8 @@
 //! The tables of a sweep, with one row per point.
 
-use super::compute::{Outcome, Steady};
+use super::compute::{Origin, Outcome, Record, Steady};
 use super::key::{Group, Key};
 use super::point::{Point, Sweep};
-use super::record::{Origin, Record};
 use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;

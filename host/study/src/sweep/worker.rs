@@ -3,125 +3,78 @@
 
 use super::SweepError;
 use super::claims::{BLOCKS, Claims};
-use super::compute::Outcome;
+use super::compute::{Cost, Outcome, Record};
 use super::folder::Folder;
 use super::part::PartWriter;
-use super::point::Shard;
-use super::points::Points;
-use super::record::{Cost, Record};
+use super::point::{Points, Shard, phases};
 use crate::lock::lock;
+use biflag_log::Method;
 use rayon::prelude::*;
+use sim::steady::effort;
 use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Mutex, PoisonError};
 use system::clock::thread_s;
 
-/// The points that a worker computes, block by block.
+/// The points that a worker computes, one after the other.
 struct Work<'a> {
     folder: &'a Folder,
-    shard: Shard,
     /// Points that are done or already handed out.
     known: Points,
-    /// Claims on its own shard; `None` if the shard contains all points, so that no other worker can help.
-    claims: Option<Claims>,
-    stage: Stage,
-    /// Points of the block that is being handed out.
-    block: std::vec::IntoIter<u32>,
+    /// Takes a point; returns false to end the work.
+    take: &'a mut dyn FnMut(u32) -> bool,
 }
 
-/// The next step of a worker.
-enum Stage {
-    /// Start a shard: its own, or the one at this distance after it.
-    Begin(u64),
-    /// Take the blocks of a shard, starting with this one.
-    Blocks {
-        behind: u64,
-        claims: Option<Claims>,
-        order: Vec<u32>,
-        block: usize,
-    },
-    /// Compute the points of its own shard that others have claimed but not finished.
-    Rest,
-    Ended,
-}
-
-impl<'a> Work<'a> {
-    fn new(folder: &'a Folder, shard: Shard, done: &Points) -> Result<Self, SweepError> {
-        let known = done.clone();
-        let mut work = Self { folder, shard, known, claims: None, stage: Stage::Ended, block: Vec::new().into_iter() };
-        work.begin(0)?;
-        Ok(work)
-    }
-
-    /// Returns the next point to compute; `None` at the end.
-    fn next(&mut self) -> Result<Option<u32>, SweepError> {
-        loop {
-            if let Some(index) = self.block.next() {
-                return Ok(Some(index));
-            }
-            let points = match std::mem::replace(&mut self.stage, Stage::Ended) {
-                Stage::Ended => return Ok(None),
-                Stage::Begin(behind) => {
-                    self.begin(behind)?;
-                    continue;
-                }
-                Stage::Blocks { behind, claims, order, block } => {
-                    if block == BLOCKS {
-                        self.stage = Stage::Begin(behind + 1);
-                        continue;
-                    }
-                    let bounds = [block, block + 1].map(|block| order.len() * block / BLOCKS);
-                    let mut points = order[bounds[0]..bounds[1]].to_vec();
-                    points.retain(|index| !self.known.has((*index).into()));
-                    let is_free = match &claims {
-                        Some(claims) if !points.is_empty() => claims.take(block)?,
-                        _ => true,
-                    };
-                    self.stage = Stage::Blocks { behind, claims, order, block: block + 1 };
-                    if is_free { points } else { continue }
-                }
-                Stage::Rest => {
-                    self.look_again()?;
-                    self.folder.dearest_first(self.shard, &self.known)
-                }
-            };
-            for index in &points {
-                self.known.add((*index).into());
-            }
-            self.block = points.into_iter();
+impl Work<'_> {
+    /// Hands out the points of a shard, then those of other shards whose workers have started, and finally those of its own
+    /// that others have claimed but not finished.
+    fn hand_out(&mut self, shard: Shard) -> Result<(), SweepError> {
+        if shard == Shard::ALL {
+            // No other worker can help.
+            return self.blocks(shard, None).map(drop);
         }
-    }
-
-    /// Starts its own shard, or another one if that shard's worker has started, too.
-    fn begin(&mut self, behind: u64) -> Result<(), SweepError> {
-        if behind == 0 {
-            if self.shard != Shard::ALL {
-                self.claims = Some(Claims::begin(&self.folder.path, self.shard)?);
+        let claims = Claims::begin(&self.folder.path, shard)?;
+        let mut goes_on = self.blocks(shard, Some(&claims))?;
+        self.look_again()?;
+        for behind in 1..shard.of {
+            let other = Shard { index: (shard.index + behind) % shard.of, of: shard.of };
+            if goes_on
+                && let Some(claims) = claims.of_other(other.index)
+                && self.folder.lacks(other, &self.known)
+            {
+                goes_on = self.blocks(other, Some(&claims))?;
             }
-            let order = self.order(self.shard);
-            self.stage = Stage::Blocks { behind, claims: self.claims.clone(), order, block: 0 };
-        } else if behind == self.shard.of {
-            self.stage = if self.claims.is_some() { Stage::Rest } else { Stage::Ended };
-        } else {
-            if behind == 1 {
-                self.look_again()?;
-            }
-            let other = (self.shard.index + behind) % self.shard.of;
-            let shard = Shard { index: other, of: self.shard.of };
-            self.stage = match self.claims.as_ref().and_then(|claims| claims.of_other(other)) {
-                Some(claims) if self.folder.lacks(shard, &self.known) => {
-                    let order = self.order(shard);
-                    Stage::Blocks { behind, claims: Some(claims), order, block: 0 }
-                }
-                _ => Stage::Begin(behind + 1),
-            };
+        }
+        if goes_on {
+            self.look_again()?;
+            let rest = self.folder.dearest_first(shard, &self.known);
+            self.points(&rest);
         }
         Ok(())
     }
 
-    /// Returns all points of a shard, known ones too, so that a block is the same for every worker.
-    fn order(&self, shard: Shard) -> Vec<u32> {
-        self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()))
+    /// Hands out the free blocks of a shard; returns whether the work goes on.
+    fn blocks(&mut self, shard: Shard, claims: Option<&Claims>) -> Result<bool, SweepError> {
+        // Known points too, so that a block is the same for every worker.
+        let order = self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()));
+        for block in 0..BLOCKS {
+            let [from, to] = [block, block + 1].map(|block| order.len() * block / BLOCKS);
+            let mut points = order[from..to].to_vec();
+            points.retain(|index| !self.known.has((*index).into()));
+            let is_free = points.is_empty() || claims.map_or(Ok(true), |claims| claims.take(block))?;
+            if is_free && !self.points(&points) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn points(&mut self, points: &[u32]) -> bool {
+        points.iter().all(|index| {
+            self.known.add((*index).into());
+            (self.take)(*index)
+        })
     }
 
     /// Adds the points finished meanwhile.
@@ -182,21 +135,23 @@ impl Folder {
                 breaks(SweepError::at(&self.path)(error));
             }
         };
-        let work = Mutex::new(Work::new(self, shard, done)?);
-        let next = || match lock(&work).next() {
-            Err(error) => {
-                breaks(error);
-                None
-            }
-            Ok(index) => index,
-        };
         let threads = rayon::ThreadPoolBuilder::new().num_threads(jobs).build()?;
-        threads.broadcast(|_| {
-            while goes_on()
-                && let Some(index) = next()
-            {
-                one(index);
-            }
+        let (sender, receiver) = sync_channel(0);
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                let mut take = |index: u32| sender.send(index).is_ok();
+                let mut work = Work { folder: self, known: done.clone(), take: &mut take };
+                work.hand_out(shard).unwrap_or_else(breaks);
+            });
+            let receiver = Mutex::new(receiver);
+            let next = || lock(&receiver).recv().ok();
+            threads.broadcast(|_| {
+                while goes_on()
+                    && let Some(index) = next()
+                {
+                    one(index);
+                }
+            });
         });
         let broken = broken.into_inner().unwrap_or_else(PoisonError::into_inner);
         let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -207,6 +162,29 @@ impl Folder {
 /// Rounds to microseconds; more digits would be noise in the table.
 fn micros(seconds: f64) -> f64 {
     (1e6 * seconds).round() / 1e6
+}
+
+impl Folder {
+    /// Returns the unknown points of a shard, the most expensive first by the model's own estimate; equally expensive
+    /// points keep the order of the plan.
+    pub fn dearest_first(&self, shard: Shard, known: &Points) -> Vec<u32> {
+        let points = self.sweep.points_of(shard, known);
+        // The number of points fits in 32 bits.
+        let mut costs: Vec<(f32, u32)> = points.map(|(index, _)| (self.estimate(index), index as u32)).collect();
+        costs.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        costs.into_iter().map(|(_, index)| index).collect()
+    }
+
+    /// Returns the estimated cost of a point in arbitrary units; 0 for an impossible point.
+    fn estimate(&self, index: u64) -> f32 {
+        let (point, plan) = (self.sweep.point(index), &self.sweep.plan);
+        let Ok(robot) = &point.robot else { return 0.0 };
+        if robot.validate().is_err() {
+            return 0.0;
+        }
+        let one = effort::estimate(robot, point.speeds_rpm, plan.method == Method::Steady, plan.run_s);
+        (phases(plan, point.speeds_rpm) as f64 * one) as f32
+    }
 }
 
 #[cfg(test)]
@@ -271,13 +249,17 @@ mod tests {
         let path = tempfile::tempdir().unwrap();
         let folder = folder(path.path());
         let [one, two] = [0, 1].map(|index| Shard { index, of: 2 });
-        let mut worker = Work::new(&folder, one, &folder.counts(one).unwrap().done).unwrap();
-        let helper = Claims::begin(&folder.path, two).unwrap().of_other(0).unwrap();
-        assert!(helper.take(7).unwrap());
         let mut handed = std::collections::BTreeSet::new();
-        while let Some(index) = worker.next().unwrap() {
+        let mut take = |index| {
+            if handed.is_empty() {
+                let helper = Claims::begin(&folder.path, two).unwrap().of_other(0).unwrap();
+                assert!(helper.take(7).unwrap());
+            }
             assert!(handed.insert(index), "{index} twice");
-        }
+            true
+        };
+        let known = folder.counts(one).unwrap().done;
+        Work { folder: &folder, known, take: &mut take }.hand_out(one).unwrap();
         assert_eq!(handed.len(), 300, "its own shard, block 7 last, and that of the other worker, which does nothing");
     }
 }

@@ -110,17 +110,20 @@ impl Angles {
 
     /// Returns yaw, pitch and roll as cells of a table, degrees: `-48.35 ± 1.87`, with `?` for an unknown uncertainty.
     pub fn cells(&self) -> [String; 3] {
-        self.named().map(|(_, angle, uncertainty)| {
+        let [yaw, pitch, roll, _] = self.named();
+        [yaw, pitch, roll].map(|(_, angle, uncertainty)| {
             let uncertainty = uncertainty.map_or_else(|| "?".to_owned(), |uncertainty| decimal(uncertainty, 2));
             format!("{} ± {uncertainty}", decimal(angle, 2))
         })
     }
 
-    fn named(&self) -> [(&'static str, f64, Option<f64>); 3] {
+    /// Returns yaw, pitch, roll and tilt with their names and uncertainties.
+    pub(crate) fn named(&self) -> [(&'static str, f64, Option<f64>); 4] {
         [
             ("yaw", self.yaw_deg, self.yaw_uncertainty_deg),
             ("pitch", self.pitch_deg, self.pitch_uncertainty_deg),
             ("roll", self.roll_deg, self.roll_uncertainty_deg),
+            ("tilt", self.tilt_deg, self.tilt_uncertainty_deg),
         ]
     }
 }
@@ -128,7 +131,7 @@ impl Angles {
 /// Yaw, pitch and roll, each with its uncertainty if it is known.
 impl fmt::Display for Angles {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, (name, angle, uncertainty)) in self.named().into_iter().enumerate() {
+        for (i, (name, angle, uncertainty)) in self.named().into_iter().take(3).enumerate() {
             write!(f, "{}{name} {}°", if i == 0 { "" } else { ", " }, decimal(angle, 2))?;
             if let Some(uncertainty) = uncertainty {
                 write!(f, " ± {uncertainty:.2}°")?;

@@ -41,72 +41,63 @@ pub struct Want {
     pub hash: bool,
 }
 
-/// The metadata records of a log.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub struct Records {
+macro_rules! records {
+    ($($(#[$about:meta])* $name:ident: $kind:ty,)*) => {
+        /// The metadata records of a log.
+        #[derive(Clone, PartialEq, Debug, Default)]
+        pub struct Records {
+            $($(#[$about])* pub $name: Option<$kind>,)*
+        }
+
+        impl Records {
+            /// Returns the records that a reader has found so far.
+            pub(super) fn of(reader: &Reader) -> Self {
+                Self { $($name: reader.meta()),* }
+            }
+        }
+    };
+}
+
+records! {
     /// The program that wrote the log, and where the trial ran.
-    pub identity: Option<Identity>,
+    identity: Identity,
     /// The plan.
-    pub plan: Option<PlanMeta>,
+    plan: PlanMeta,
     /// The trial.
-    pub trial: Option<TrialMeta>,
+    trial: TrialMeta,
     /// The robot's file, as named in the plan.
-    pub robot: Option<RobotMeta>,
+    robot: RobotMeta,
     /// The board.
-    pub board: Option<BoardMeta>,
+    board: BoardMeta,
     /// The sensor's errors, measured before the trial.
-    pub measured_sensor: Option<MeasuredSensorMeta>,
+    measured_sensor: MeasuredSensorMeta,
     /// The attitude that a steered trial was to reach.
-    pub steer: Option<SteerMeta>,
+    steer: SteerMeta,
     /// The model that computed the trial, or the robot behind an emulated board.
-    pub model: Option<ModelMeta>,
+    model: ModelMeta,
     /// Errors of an emulated sensor.
-    pub sensor: Option<SensorMeta>,
+    sensor: SensorMeta,
     /// Steady state computed by the model.
-    pub steady: Option<SteadyMeta>,
+    steady: SteadyMeta,
     /// The gyroscope's calibration.
-    pub calibration: Option<CalibrationMeta>,
+    calibration: CalibrationMeta,
     /// How the robot came to rest before the trial.
-    pub rest: Option<RestMeta>,
+    rest: RestMeta,
     /// The vertical at rest.
-    pub level: Option<LevelMeta>,
+    level: LevelMeta,
     /// The clocks of board and host.
-    pub clock: Option<ClockMeta>,
+    clock: ClockMeta,
     /// The damaged log that this one was recovered from.
-    pub recovery: Option<RecoveryMeta>,
+    recovery: RecoveryMeta,
     /// The recording that drove the model.
-    pub replay: Option<ReplayMeta>,
+    replay: ReplayMeta,
     /// The table that an imported trial was made from.
-    pub import: Option<ImportMeta>,
+    import: ImportMeta,
     /// How the trial ended; `None` if the log has no summary.
-    pub summary: Option<Summary>,
+    summary: Summary,
 }
 
 impl Records {
-    /// Returns the records that a reader has found so far.
-    pub(super) fn of(reader: &Reader) -> Self {
-        Self {
-            identity: reader.meta(),
-            plan: reader.meta(),
-            trial: reader.meta(),
-            robot: reader.meta(),
-            board: reader.meta(),
-            measured_sensor: reader.meta(),
-            steer: reader.meta(),
-            model: reader.meta(),
-            sensor: reader.meta(),
-            steady: reader.meta(),
-            calibration: reader.meta(),
-            rest: reader.meta(),
-            level: reader.meta(),
-            clock: reader.meta(),
-            recovery: reader.meta(),
-            replay: reader.meta(),
-            import: reader.meta(),
-            summary: reader.meta(),
-        }
-    }
-
     /// Returns the records at the start of a trial.
     pub fn of_start(start: &Start) -> Self {
         let Start { identity, plan, trial, robot, board, sensor } = start.clone();

@@ -7,7 +7,6 @@
 
 mod angles;
 mod back_at_zero;
-mod blocks;
 mod bounds;
 mod budget;
 mod clock;
@@ -34,7 +33,6 @@ mod zero;
 
 pub use crate::swing::SwingSpeeds;
 pub use angles::{Angles, Steady};
-pub(crate) use blocks::BLOCK_S;
 pub use bounds::Times;
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
@@ -47,6 +45,7 @@ pub use judged::Judged;
 pub(crate) use over_time::SENSOR_ERRORS;
 pub(crate) use over_time::{OverTime, sensor_error};
 pub use repeats::{AtSpeeds, mean_of_repeats};
+pub(crate) use rest_fit::BLOCK_S;
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};
 pub use shapes::{Shape, Shapes};
 pub use usable::Unusable;

@@ -1,8 +1,8 @@
 //! What the rest before a run shows: whether there was one, and whether the robot was still.
 
 use super::back_at_zero::NotBack;
-use super::blocks::{blocks, end_of};
 use super::data::Data;
+use super::rest_fit::{blocks, end_of};
 use crate::attitude::{Drift, Motion, Rest, Series};
 use protocol::units::CentiRpm;
 use sim::functions::{cos, hypot, sin};

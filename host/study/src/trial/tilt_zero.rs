@@ -1,8 +1,7 @@
 //! The zero of the tilt at rest, with its noise and a possible remaining motion.
 
-use super::blocks::BLOCK_S;
 use super::budget::{CommonTo, Term};
-use super::rest_fit::RestFit;
+use super::rest_fit::{BLOCK_S, RestFit};
 use super::righting::Righting;
 use crate::attitude::Track;
 use sim::functions::{exp, powi};

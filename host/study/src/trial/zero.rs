@@ -9,7 +9,6 @@
 
 use super::angles::{Angles, Steady, swing_s};
 use super::back_at_zero;
-use super::blocks::end_of;
 use super::budget::{Budget, TO_COME, Term};
 use super::data::Data;
 use super::errors::{self, Errors};
@@ -17,6 +16,7 @@ use super::import_rest;
 use super::imported::Stated;
 use super::over_time::OverTime;
 use super::rest::{AtRest, START_S};
+use super::rest_fit::end_of;
 use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;

@@ -3,7 +3,7 @@
 use super::super::{TwinError, speeds};
 use super::Blocks;
 use super::errors::TrialErrors;
-use super::fluid_ratio::FluidRatio;
+use super::fluid::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
 use crate::twin::sensor_key::SensorKey;

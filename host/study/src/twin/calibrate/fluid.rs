@@ -1,10 +1,9 @@
 //! The fluid of each trial: the viscosity of a glycerol mixture depends on the trial's temperature.
 
 use super::data::FitTrial;
-use super::fluid_ratio::FluidRatio;
 use crate::text::count;
 use crate::twin::TwinError;
-use sim::params::{Fluid, Glycerol};
+use sim::params::{Fluid, Glycerol, Robot};
 
 /// Difference of the sensor's temperature between trials above which the viscosity of glycerol has changed by more than a
 /// tenth, °C.
@@ -63,4 +62,27 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
             "the initial viscosity is that of {share:.1} % glycerol at the sensor's {mean_c:.1} °C: {viscosity:.3} Pa s"
         )
     }))
+}
+
+/// Viscosity and density of a trial's fluid, relative to the fitted robot's.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct FluidRatio {
+    pub viscosity: f64,
+    pub density: f64,
+}
+
+impl Default for FluidRatio {
+    fn default() -> Self {
+        Self { viscosity: 1.0, density: 1.0 }
+    }
+}
+
+impl FluidRatio {
+    /// Returns the robot in the trial's fluid.
+    pub fn of(&self, robot: &Robot) -> Robot {
+        let mut robot = robot.clone();
+        robot.fluid.viscosity_pa_s *= self.viscosity;
+        robot.fluid.density_kg_m3 *= self.density;
+        robot
+    }
 }

@@ -23,9 +23,7 @@
 
 mod data;
 mod errors;
-mod file;
 mod fluid;
-mod fluid_ratio;
 mod judge;
 mod parameter;
 mod phase;
@@ -36,9 +34,8 @@ mod uncertainty;
 mod weights;
 
 pub use data::FitTrial;
-pub use file::to_toml;
 pub use parameter::Parameter;
-pub use result::{Calibration, Fitted, Mounting};
+pub use result::{Calibration, Fitted, Mounting, to_toml};
 
 use super::TwinError;
 use super::replay::pool;

@@ -2,26 +2,14 @@
 
 use super::comparison::{AngleComparison, Comparison, Transient};
 use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 
 #[derive(Serialize)]
 struct Keys<'a> {
     #[serde(flatten, serialize_with = "Comparison::serialize")]
     own: &'a Comparison,
-    yaw_rmse_deg: f64,
-    pitch_rmse_deg: f64,
-    roll_rmse_deg: f64,
-    steady_yaw_error_deg: f64,
-    steady_pitch_error_deg: f64,
-    steady_roll_error_deg: f64,
-    steady_measured_deg: [f64; 3],
-    steady_modelled_deg: [f64; 3],
-    settle_ratio: Option<f64>,
-    yaw_uncertainty_deg: Option<f64>,
-    tilt_uncertainty_deg: [Option<f64>; 2],
-    model_error_deg: Option<[f64; 3]>,
-    angles: [&'a AngleComparison; 3],
-    transient_differences: Vec<&'static str>,
-    agrees: bool,
+    #[serde(flatten)]
+    derived: Value,
 }
 
 impl Serialize for Comparison {
@@ -33,25 +21,24 @@ impl Serialize for Comparison {
             [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
             _ => None,
         };
-        let transient = |angle: &&&AngleComparison| angle.transient.is_some_and(Transient::differs);
-        let keys = Keys {
-            own: self,
-            yaw_rmse_deg: yaw.rmse_deg,
-            pitch_rmse_deg: pitch.rmse_deg,
-            roll_rmse_deg: roll.rmse_deg,
-            steady_yaw_error_deg: yaw.error_deg,
-            steady_pitch_error_deg: pitch.error_deg,
-            steady_roll_error_deg: roll.error_deg,
-            steady_measured_deg: self.measured_deg(),
-            steady_modelled_deg: self.modelled_deg(),
-            settle_ratio: self.settling.ratio,
-            yaw_uncertainty_deg: uncertainty(yaw),
-            tilt_uncertainty_deg: [uncertainty(pitch), uncertainty(roll)],
-            model_error_deg,
-            transient_differences: angles.iter().filter(transient).map(|angle| angle.angle).collect(),
-            angles,
-            agrees: self.agrees(),
-        };
-        keys.serialize(serializer)
+        let differs = |angle: &&&AngleComparison| angle.transient.is_some_and(Transient::differs);
+        let derived = json!({
+            "yaw_rmse_deg": yaw.rmse_deg,
+            "pitch_rmse_deg": pitch.rmse_deg,
+            "roll_rmse_deg": roll.rmse_deg,
+            "steady_yaw_error_deg": yaw.error_deg,
+            "steady_pitch_error_deg": pitch.error_deg,
+            "steady_roll_error_deg": roll.error_deg,
+            "steady_measured_deg": self.measured_deg(),
+            "steady_modelled_deg": self.modelled_deg(),
+            "settle_ratio": self.settling.ratio,
+            "yaw_uncertainty_deg": uncertainty(yaw),
+            "tilt_uncertainty_deg": [uncertainty(pitch), uncertainty(roll)],
+            "model_error_deg": model_error_deg,
+            "angles": angles,
+            "transient_differences": angles.iter().filter(differs).map(|angle| angle.angle).collect::<Vec<_>>(),
+            "agrees": self.agrees(),
+        });
+        Keys { own: self, derived }.serialize(serializer)
     }
 }
