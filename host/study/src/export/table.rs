@@ -3,7 +3,7 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
-use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, SwingSpeeds, Term, Zeroed};
+use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, SwingSpeeds, Zeroed};
 use biflag_log::ImportMeta;
 use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities, sample_columns};
 use std::borrow::Cow;
@@ -26,9 +26,50 @@ pub struct Column {
 }
 
 impl Column {
-    /// Returns a column of a table with the units in its column names.
-    fn new(name: &'static str, about: &'static str, values: Values) -> Self {
-        Self { name: name.into(), unit: "".into(), about: about.into(), values }
+    fn new(name: impl Into<Text>, unit: &'static str, about: impl Into<Text>, values: Values) -> Self {
+        Self { name: name.into(), unit: unit.into(), about: about.into(), values }
+    }
+}
+
+type Text = Cow<'static, str>;
+
+/// The rows of a table, from which its columns take their values.
+pub(crate) struct Rows<'a, T>(pub &'a [T]);
+
+impl<T> Rows<'_, T> {
+    fn all<V>(&self, of: impl Fn(&T) -> V) -> Vec<V> {
+        self.0.iter().map(of).collect()
+    }
+
+    /// Returns a column of measured numbers; its name has the unit.
+    fn real<V: Into<Option<f64>>>(
+        &self,
+        name: impl Into<Text>,
+        about: impl Into<Text>,
+        of: impl Fn(&T) -> V,
+    ) -> Column {
+        Column::new(name, "", about, Values::Real(self.all(|row| of(row).into().unwrap_or(f64::NAN))))
+    }
+
+    /// Returns a column of numbers with all their digits.
+    pub fn exact<A: Into<Text>>(
+        &self,
+        name: impl Into<Text>,
+        unit: &'static str,
+        about: A,
+        of: impl Fn(&T) -> f64,
+    ) -> Column {
+        Column::new(name, unit, about, Values::Exact(self.all(of)))
+    }
+
+    /// Returns a column of integers.
+    pub fn int(&self, name: &'static str, unit: &'static str, about: &'static str, of: impl Fn(&T) -> i64) -> Column {
+        Column::new(name, unit, about, Values::Int(self.all(of)))
+    }
+
+    /// Returns a column of texts.
+    pub fn text(&self, name: &'static str, about: &'static str, of: impl Fn(&T) -> String) -> Column {
+        Column::new(name, "", about, Values::Text(self.all(of)))
     }
 }
 
@@ -82,12 +123,13 @@ impl Table {
     }
 }
 
-const ANGLES: [(&str, &str); 8] = [
+const ANGLES: [(&str, &str); 3] = [
     ("yaw_deg", "yaw about the vertical, unwrapped, offset and drift removed"),
     ("pitch_deg", "pitch about the y axis after the yaw, offset removed"),
     ("roll_deg", "roll about the x axis after yaw and pitch, offset removed"),
-    ("yaw_uncertainty_deg", "95 % uncertainty of the yaw; empty if unknown, and for a model"),
-    ("yaw_drift_deg", "gyroscope drift removed from the yaw"),
+];
+
+const BOARD_ANGLES: [(&str, &str); 3] = [
     ("board_yaw_deg", "yaw of the board's filter, as sent"),
     ("board_pitch_deg", "pitch of the board's filter, as sent"),
     ("board_roll_deg", "roll of the board's filter, as sent"),
@@ -106,40 +148,36 @@ const MOTORS: [(&str, &str); 6] = [
 pub fn trial(trial: &Judged) -> Table {
     let Judged { data, angles: zeroed, .. } = trial;
     let run_s = data.times.run.start;
-    let rows = rows(data, zeroed);
-    let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| {
-        Column::new(name, about, Values::Real(rows.iter().map(value).collect()))
-    };
-    let phases = rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect();
+    let list = list(data, zeroed);
+    let rows = Rows(&list);
     let mut columns = vec![
-        real(("time_s", "time from the start of the run, s"), &|row| row.time_s - run_s),
-        Column::new("phase", "calibrate, preroll, run, decay or end", Values::Text(phases)),
+        rows.real("time_s", "time from the start of the run, s", |row| row.time_s - run_s),
+        rows.text("phase", "calibrate, preroll, run, decay or end", |row| phase(data, row.frame_s).to_owned()),
     ];
-    for k in 0..3 {
-        columns.push(real(ANGLES[k], &|row| row.angles_deg.map_or(f64::NAN, |angles| angles[k])));
+    for (k, (name, about)) in ANGLES.into_iter().enumerate() {
+        columns.push(rows.real(name, about, |row| row.angles_deg.map(|angles| angles[k])));
     }
     let known = |row: &Row| row.angles_deg.is_some() && !data.is_model();
+    let about = "95 % uncertainty of the yaw; empty if unknown, and for a model";
     let uncertainty = |row: &Row| if known(row) { zeroed.yaw_uncertainty(row.time_s) } else { None };
-    columns.push(real(ANGLES[3], &|row| uncertainty(row).unwrap_or(f64::NAN)));
-    columns.push(real(ANGLES[4], &|row| if known(row) { zeroed.yaw_drift(row.time_s) } else { f64::NAN }));
-    for k in 0..3 {
-        columns.push(real(ANGLES[5 + k], &|row| row.board_deg[k]));
+    columns.push(rows.real("yaw_uncertainty_deg", about, uncertainty));
+    let drift = |row: &Row| known(row).then(|| zeroed.yaw_drift(row.time_s));
+    columns.push(rows.real("yaw_drift_deg", "gyroscope drift removed from the yaw", drift));
+    for (k, (name, about)) in BOARD_ANGLES.into_iter().enumerate() {
+        columns.push(rows.real(name, about, |row| row.board_deg[k]));
     }
-    for (k, about) in MOTORS.into_iter().enumerate() {
-        columns.push(real(about, &|row| {
-            index_at(&data.motors.time_s, row.frame_s).map_or(f64::NAN, |i| data.motors.values[k][i])
-        }));
+    for (k, (name, about)) in MOTORS.into_iter().enumerate() {
+        let motor = |row: &Row| index_at(&data.motors.time_s, row.frame_s).map(|i| data.motors.values[k][i]);
+        columns.push(rows.real(name, about, motor));
     }
     if data.is_recorded() {
-        columns.push(real(("temperature_c", "temperature of the sensor"), &|row| {
-            if data.temperature_c.is_nan() { f64::NAN } else { row.temperature_c }
-        }));
+        let temperature_c = |row: &Row| (!data.temperature_c.is_nan()).then_some(row.temperature_c);
+        columns.push(rows.real("temperature_c", "temperature of the sensor", temperature_c));
     }
     if !data.forces.is_empty() {
         for (k, column) in sample_columns(FLAGELLA).enumerate() {
-            let values = rows.iter().map(|row| data.forces.track(k).at(row.time_s).unwrap_or(f64::NAN)).collect();
-            let about = column.about().into();
-            columns.push(Column { name: column.name.into(), unit: "".into(), about, values: Values::Real(values) });
+            let about = column.about();
+            columns.push(rows.real(column.name, about, |row| data.forces.track(k).at(row.time_s)));
         }
     }
     Table { header: header(data, zeroed), columns }
@@ -157,7 +195,7 @@ struct Row {
     temperature_c: f64,
 }
 
-fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
+fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     // Each reading since the calibration has one row of angles. A model's angles are separate messages, so damage to
     // its log may remove one and leave the other.
     let first = if data.is_model() { 0 } else { data.calibrated };
@@ -311,75 +349,65 @@ const UNCERTAINTY: &str = "its 95 % uncertainty";
 
 /// Returns the table of a session: one row per trial.
 pub fn session(name: &str, trials: &[Summary]) -> Table {
-    let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| {
-        let values = trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN));
-        Column::new(name, about, Values::Real(values.collect()))
-    };
-    let text = |name, about, value: &dyn Fn(&Summary) -> String| {
-        Column::new(name, about, Values::Text(trials.iter().map(value).collect()))
-    };
-    let int = |name, about, value: &dyn Fn(&Summary) -> i64| {
-        Column::new(name, about, Values::Int(trials.iter().map(value).collect()))
-    };
+    let rows = Rows(trials);
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
     let swing = |value: fn(&SwingSpeeds) -> Option<f64>| {
         move |trial: &Summary| trial.angles.as_ref().and_then(|angles| value(&angles.measured))
     };
     let mut columns = vec![
-        text("trial", "name of the trial", &|trial| trial.name.clone()),
-        real("w1_rpm", "target speed of flagellum 1 at the end of the run", &|trial| Some(trial.speeds_rpm[0])),
-        real("w2_rpm", "target speed of flagellum 2 at the end of the run", &|trial| Some(trial.speeds_rpm[1])),
-        int("repeat", "repeat of the same speeds, from 1", &|trial| trial.repeat.into()),
-        int("complete", "1 if the trial ended as planned", &|trial| trial.complete.into()),
-        real("yaw_deg", "steady yaw: mean over the end of the run", &angle(|angles| Some(angles.yaw_deg))),
-        real("yaw_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.yaw_uncertainty_deg)),
-        real("pitch_deg", "steady pitch", &angle(|angles| Some(angles.pitch_deg))),
-        real("pitch_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.pitch_uncertainty_deg)),
-        real("roll_deg", "steady roll", &angle(|angles| Some(angles.roll_deg))),
-        real("roll_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.roll_uncertainty_deg)),
-        real(
+        rows.text("trial", "name of the trial", |trial| trial.name.clone()),
+        rows.real("w1_rpm", "target speed of flagellum 1 at the end of the run", |trial| trial.speeds_rpm[0]),
+        rows.real("w2_rpm", "target speed of flagellum 2 at the end of the run", |trial| trial.speeds_rpm[1]),
+        rows.int("repeat", "", "repeat of the same speeds, from 1", |trial| trial.repeat.into()),
+        rows.int("complete", "", "1 if the trial ended as planned", |trial| trial.complete.into()),
+        rows.real("yaw_deg", "steady yaw: mean over the end of the run", angle(|angles| Some(angles.yaw_deg))),
+        rows.real("yaw_uncertainty_deg", UNCERTAINTY, angle(|angles| angles.yaw_uncertainty_deg)),
+        rows.real("pitch_deg", "steady pitch", angle(|angles| Some(angles.pitch_deg))),
+        rows.real("pitch_uncertainty_deg", UNCERTAINTY, angle(|angles| angles.pitch_uncertainty_deg)),
+        rows.real("roll_deg", "steady roll", angle(|angles| Some(angles.roll_deg))),
+        rows.real("roll_uncertainty_deg", UNCERTAINTY, angle(|angles| angles.roll_uncertainty_deg)),
+        rows.real(
             "tilt_deg",
             "steady tilt: the angle between the robot's axis and the vertical",
-            &angle(|angles| Some(angles.tilt_deg)),
+            angle(|angles| Some(angles.tilt_deg)),
         ),
-        real("tilt_uncertainty_deg", UNCERTAINTY, &angle(|angles| angles.tilt_uncertainty_deg)),
-        real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
-        real(
+        rows.real("tilt_uncertainty_deg", UNCERTAINTY, angle(|angles| angles.tilt_uncertainty_deg)),
+        rows.real("yaw_drift_deg", "drift removed from the steady yaw", angle(|angles| angles.drift_deg)),
+        rows.real(
             "measured_w1_rpm",
             "speed of flagellum 1 by the swing of the robot; empty if it cannot be told",
-            &swing(|swing| swing.measured_w1_rpm),
+            swing(|swing| swing.measured_w1_rpm),
         ),
-        real("measured_w1_uncertainty_rpm", UNCERTAINTY, &swing(|swing| swing.measured_w1_uncertainty_rpm)),
-        real(
+        rows.real("measured_w1_uncertainty_rpm", UNCERTAINTY, swing(|swing| swing.measured_w1_uncertainty_rpm)),
+        rows.real(
             "measured_w2_rpm",
             "speed of flagellum 2 by the swing of the robot",
-            &swing(|swing| swing.measured_w2_rpm),
+            swing(|swing| swing.measured_w2_rpm),
         ),
-        real("measured_w2_uncertainty_rpm", UNCERTAINTY, &swing(|swing| swing.measured_w2_uncertainty_rpm)),
-        text("not_measured", "why these speeds cannot be told", &|trial| {
+        rows.real("measured_w2_uncertainty_rpm", UNCERTAINTY, swing(|swing| swing.measured_w2_uncertainty_rpm)),
+        rows.text("not_measured", "why these speeds cannot be told", |trial| {
             trial.angles.as_ref().and_then(|angles| angles.measured.not_measured).unwrap_or_default().to_owned()
         }),
-        real("window_s", "length of the averaging window", &angle(|angles| Some(angles.steady_s))),
-        real(
+        rows.real("window_s", "length of the averaging window", angle(|angles| Some(angles.steady_s))),
+        rows.real(
             "settle_s",
             "settling time of yaw and pitch; empty if they did not settle or the model solved for the steady state",
-            &|trial| trial.settle_s,
+            |trial| trial.settle_s,
         ),
-        int("lost", "telemetry frames lost", &|trial| trial.lost.try_into().unwrap_or(i64::MAX)),
-        int("sound", "0 if a finding is grave: the numbers may be wrong", &|trial| {
+        rows.int("lost", "", "telemetry frames lost", |trial| trial.lost.try_into().unwrap_or(i64::MAX)),
+        rows.int("sound", "", "0 if a finding is grave: the numbers may be wrong", |trial| {
             (!trial.findings.iter().any(|finding| finding.grave)).into()
         }),
-        text("log", "log of the trial", &|trial| trial.log.clone()),
-        text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
-        text("origin", "where it ran: rig, emulated (board), import or model", &|trial| trial.origin.to_owned()),
-        text("findings", "what was found about the trial", &|trial| {
+        rows.text("log", "log of the trial", |trial| trial.log.clone()),
+        rows.text("file", "file of the trial in this folder", |trial| trial.file.clone()),
+        rows.text("origin", "where it ran: rig, emulated (board), import or model", |trial| trial.origin.to_owned()),
+        rows.text("findings", "what was found about the trial", |trial| {
             trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         }),
     ];
     for column in quantities(FLAGELLA).filter(|column| column.is_in(Place::Trials)) {
-        let of = |trial: &Summary| trial.steady.as_ref().map_or(f64::NAN, |steady| steady.numbers()[column.index()]);
-        let (name, about) = (column.name.clone().into(), format!("{}; of a model", column.about()).into());
-        columns.push(Column { name, unit: "".into(), about, values: Values::Real(trials.iter().map(of).collect()) });
+        let of = |trial: &Summary| trial.steady.as_ref().map(|steady| steady.numbers()[column.index()]);
+        columns.push(rows.real(column.name.clone(), format!("{}; of a model", column.about()), of));
     }
     Table { header: session_header(name), columns }
 }
@@ -391,28 +419,24 @@ fn session_header(name: &str) -> Vec<String> {
 /// Returns the table of the causes of uncertainty in a session: one row per trial, angle and cause.
 pub fn budget(name: &str, trials: &[Summary]) -> Table {
     let budget = |trial: &Summary| trial.angles.as_ref().map_or_else(Vec::new, |angles| angles.budget.clone());
-    let rows: Vec<(&str, AngleTerm)> =
+    let list: Vec<(&str, AngleTerm)> =
         trials.iter().flat_map(|trial| budget(trial).into_iter().map(|term| (trial.name.as_str(), term))).collect();
-    let real = |name, about, value: &dyn Fn(&Term) -> f64| {
-        Column::new(name, about, Values::Real(rows.iter().map(|(_, of)| value(&of.term)).collect()))
-    };
-    let text = |name, about, value: &dyn Fn(&AngleTerm) -> String| {
-        Column::new(name, about, Values::Text(rows.iter().map(|(_, of)| value(of)).collect()))
-    };
-    let names = rows.iter().map(|(trial, _)| (*trial).to_owned()).collect();
+    let rows = Rows(&list);
     let columns = vec![
-        Column::new("trial", "name of the trial", Values::Text(names)),
-        text("angle", "yaw, pitch, roll or tilt", &|of| of.angle.to_owned()),
-        text("name", "the cause of uncertainty", &|of| of.term.name.to_owned()),
-        text("type", "A: from the scatter of readings, B: from other knowledge (JCGM 100:2008)", &|of| {
+        rows.text("trial", "name of the trial", |(trial, _)| (*trial).to_owned()),
+        rows.text("angle", "yaw, pitch, roll or tilt", |(_, of)| of.angle.to_owned()),
+        rows.text("name", "the cause of uncertainty", |(_, of)| of.term.name.to_owned()),
+        rows.text("type", "A: from the scatter of readings, B: from other knowledge (JCGM 100:2008)", |(_, of)| {
             word(&of.term.evaluation)
         }),
-        real("u_deg", "standard uncertainty that it gives the angle", &|term| term.u_deg),
-        real("sensitivity", "degrees of the angle per unit of the cause, where it is a quantity of its own", &|term| {
-            term.sensitivity.unwrap_or(f64::NAN)
-        }),
-        real("share", "share of the variance of the angle", &|term| term.share),
-        text("common_to", "which angles have the same error: those of the trial, or of the sensor", &|of| {
+        rows.real("u_deg", "standard uncertainty that it gives the angle", |(_, of)| of.term.u_deg),
+        rows.real(
+            "sensitivity",
+            "degrees of the angle per unit of the cause, where it is a quantity of its own",
+            |(_, of)| of.term.sensitivity,
+        ),
+        rows.real("share", "share of the variance of the angle", |(_, of)| of.term.share),
+        rows.text("common_to", "which angles have the same error: those of the trial, or of the sensor", |(_, of)| {
             word(&of.term.common_to)
         }),
     ];

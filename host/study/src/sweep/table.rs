@@ -3,13 +3,12 @@
 use super::compute::{Origin, Outcome, Record, Steady};
 use super::key::{Group, Key};
 use super::point::{Point, Sweep};
-use crate::export::table::{Column, Table, Values};
+use crate::export::table::{Rows, Table};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
 use sim::steady::phase::Ratio;
 use sim::trial::quantity::{FLAGELLA, Place, columns as quantities};
-use std::borrow::Cow;
 
 /// The description of the columns of varying keys.
 pub const VARIES: &str = "key of the robot's file, which varies";
@@ -82,64 +81,59 @@ impl Row {
 pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let rows = records.into_iter().map(|record| Row::new(sweep.point(record.index), record.outcome));
     let rows: Vec<Row> = rows.collect();
-    let text = |name: &'static str, about, value: &dyn Fn(&Row) -> String| {
-        column(name, "", about, Values::Text(rows.iter().map(value).collect()))
-    };
-    let exact = |value: &dyn Fn(&Row) -> f64| Values::Exact(rows.iter().map(value).collect());
-    let real = |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| column(name, unit, about, exact(value));
-
+    let rows = Rows(&rows);
     let mut columns = vec![
-        text("point", "name of the point: hash of its inputs and of the version of the model's results", &|row| {
+        rows.text("point", "name of the point: hash of its inputs and of the version of the model's results", |row| {
             row.name.clone()
         }),
-        real("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
-        real("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
+        rows.exact("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", |row| row.speeds_rpm[0]),
+        rows.exact("w2_rpm", "rpm", "speed of flagellum 2", |row| row.speeds_rpm[1]),
     ];
     for (at, axis) in sweep.plan.axes.iter().enumerate() {
         if let Key::Robot(key) = &axis.key {
-            columns.push(column(key.replace('.', "_"), unit(key), VARIES, exact(&|row| row.values[at])));
+            columns.push(rows.exact(key.replace('.', "_"), unit(key), VARIES, |row| row.values[at]));
         }
     }
-    columns.extend(GROUPS.map(|(name, unit, about, value)| real(name, unit, about, &value)));
+    columns.extend(GROUPS.map(|(name, unit, about, value)| rows.exact(name, unit, about, value)));
     for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
-        columns.push(real(name, unit, about, &|row| row.robot[at]));
+        columns.push(rows.exact(name, unit, about, |row| row.robot[at]));
     }
     let mut steady = |name: String, unit, about: String, value: &dyn Fn(&Row, &Steady) -> f64| {
-        let values = exact(&|row| row.outcome.steady().map_or(f64::NAN, |steady| value(row, steady)));
-        columns.push(Column { name: name.into(), unit, about: about.into(), values });
+        let value = |row: &Row| row.outcome.steady().map_or(f64::NAN, |steady| value(row, steady));
+        columns.push(rows.exact(name, unit, about, value));
     };
     let quantities: Vec<_> = quantities(FLAGELLA).filter(|column| column.is_in(Place::Sweep)).collect();
     for column in &quantities {
-        let unit = column.quantity.unit.into();
-        steady(column.name.clone(), unit, column.about(), &|_, s| s.values[column.index()]);
+        steady(column.name.clone(), column.quantity.unit, column.about(), &|_, s| s.values[column.index()]);
     }
     // One starting phase has no spread where others may give other values.
     let least = |row: &Row| 1 + u32::from(Ratio::of(row.speeds_rpm).is_some());
     for column in quantities.iter().filter(|column| column.is_angle()) {
         let about = "largest less smallest value of the starting phases; 0 where they do not matter, empty if only one was tried".to_owned();
-        steady(column.spread(), "deg".into(), about, &|row, s| {
+        steady(column.spread(), "deg", about, &|row, s| {
             if s.phases >= least(row) { s.spreads[column.index()] } else { f64::NAN }
         });
     }
     for column in &quantities {
         let Some(name) = column.error() else { continue };
-        let (unit, about) =
-            (column.quantity.unit.into(), format!("standard error of {}; empty if unknown", column.name));
-        steady(name, unit, about, &|_, s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
+        let about = format!("standard error of {}; empty if unknown", column.name);
+        steady(name, column.quantity.unit, about, &|_, s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
     }
-    let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
-    columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));
+    let phases = rows.int("phases", "1", "number of starting phases; 0 if the point failed", |row| {
+        row.outcome.steady().map_or(0, |steady| steady.phases.into())
+    });
+    columns.push(phases);
     let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
-    columns.push(text(
+    columns.push(rows.text(
         "kind",
         "`steady`: the motion repeats; `beating`: it was not found to, but its means are known; `not_found`: they are not; \
          `overturned`: the base turned over, and the angles are empty",
-        &kind,
+        kind,
     ));
     let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
-    columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
+    columns.push(rows.text("status", "`ok`, or `failed`: then all results are empty", status));
     let reason = |row: &Row| row.outcome.reason().unwrap_or_default().to_owned();
-    columns.push(text("reason", "why the point failed", &reason));
+    columns.push(rows.text("reason", "why the point failed", reason));
     let plan = &sweep.plan;
     let header = vec![
         format!("biflag sweep {}, version {} of the model's results", plan.name, sweep.results),
@@ -151,31 +145,19 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
 
 /// Returns the table of the costs of these results, each with the number of its origin.
 pub fn cost_table(records: &[(u32, Record)], origins: &[Origin]) -> Table {
-    let text = |name: &'static str, about, value: &dyn Fn(&Record, &Origin) -> String| {
-        let cells = records.iter().map(|(origin, record)| value(record, &origins[*origin as usize]));
-        column(name, "", about, Values::Text(cells.collect()))
-    };
-    let processor = records.iter().map(|(_, record)| record.cost.processor_s).collect();
-    let sweeps = records.iter().map(|(_, record)| record.cost.sweeps as i64).collect();
-    let kind = |record: &Record, _: &Origin| record.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let rows = Rows(records);
+    let sweeps = "sweeps of the solver over all starting phases; 0 if the point failed";
+    let kind = |record: &Record| record.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let origin = |of: u32| &origins[of as usize];
     let columns = vec![
-        text("point", "name of the point, as in the table of the sweep", &|record, _| record.name.to_string()),
-        column("processor_s", "s", "processor time", Values::Exact(processor)),
-        column(
-            "sweeps",
-            "1",
-            "sweeps of the solver over all starting phases; 0 if the point failed",
-            Values::Int(sweeps),
-        ),
-        text("kind", "kind of the steady state; empty if the point failed", &kind),
-        text("host", "computer on which the point was computed", &|_, origin| origin.host.clone()),
-        text("program", "version and commit of the program", &|_, origin| origin.program.clone()),
+        rows.text("point", "name of the point, as in the table of the sweep", |(_, record)| record.name.to_string()),
+        rows.exact("processor_s", "s", "processor time", |(_, record)| record.cost.processor_s),
+        rows.int("sweeps", "1", sweeps, |(_, record)| record.cost.sweeps as i64),
+        rows.text("kind", "kind of the steady state; empty if the point failed", |(_, record)| kind(record)),
+        rows.text("host", "computer on which the point was computed", |(of, _)| origin(*of).host.clone()),
+        rows.text("program", "version and commit of the program", |(of, _)| origin(*of).program.clone()),
     ];
     Table { header: vec!["what the points of a sweep cost, and where they were computed".to_owned()], columns }
-}
-
-fn column(name: impl Into<Cow<'static, str>>, unit: &'static str, about: &'static str, values: Values) -> Column {
-    Column { name: name.into(), unit: unit.into(), about: about.into(), values }
 }
 
 /// Returns the unit of a key of the robot's file, from its name.
