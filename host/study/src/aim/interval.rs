@@ -14,7 +14,7 @@ use super::known::Known;
 use super::model::{Model, State, starts};
 use super::quantity::Attitude;
 use crate::plan::Fit;
-use crate::statistics::{effective_freedom, student_95};
+use crate::statistics::{effective_freedom, extremes, student_95};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -88,8 +88,8 @@ impl Interval {
             pitch_ci_deg,
             roll_ci_deg,
             phase_spread_deg: Some([0, 1, 2].map(|i| {
-                let of = || all.iter().map(|angles| angles[i]);
-                of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
+                let [least, most] = extremes(all.iter().map(|angles| angles[i]));
+                most - least
             })),
             std_error_deg: Some(spread.map(|[std_error, _]| std_error)),
             contact_by_phase: Some(contact_by_phase),
@@ -107,8 +107,7 @@ impl Interval {
 /// Returns the minimum and the maximum of a value sampled evenly over its period. Its first harmonic gives the extremes
 /// between samples.
 fn range(samples: &[f64]) -> [f64; 2] {
-    let low = samples.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [low, high] = extremes(samples.iter().copied());
     let count = samples.len() as f64;
     if samples.len() < 3 {
         return [low, high];

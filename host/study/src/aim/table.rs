@@ -6,6 +6,7 @@
 use super::error::AimError;
 use super::quantity::Attitude;
 use super::target::Target;
+use crate::statistics::extremes;
 use nalgebra::{DMatrix, SMatrix, SVector};
 use sim::functions::{exp, hypot, powi};
 
@@ -63,10 +64,7 @@ impl Table {
             }
         }
         let range = |value: &dyn Fn(&Row) -> f64| {
-            let (low, high) = rows
-                .iter()
-                .map(value)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+            let [low, high] = extremes(rows.iter().map(value));
             high - low
         };
         let area = range(&|row| row.rpm[0]) * range(&|row| row.rpm[1]);

@@ -97,7 +97,7 @@ impl Beside {
         let span = recording.motors.span();
         let on_clock = |state: &State| {
             let time_s = clock.time_s(state.time_s);
-            let turns = [4, 5].map(|k| recording.motors.track(k).at(time_s).unwrap_or_default());
+            let turns = [0, 1].map(|k| recording.motor_turns(k).at(time_s).unwrap_or_default());
             State { time_s, turns: Some(turns), speed_rpm: None, ..*state }
         };
         let rows = states.rows.iter().map(on_clock).filter(|state| (span.start..=span.end).contains(&state.time_s));

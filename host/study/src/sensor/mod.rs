@@ -25,7 +25,7 @@ mod synthetic;
 mod turn;
 
 pub use file::{AXES, FILE_NAME, MeasuredSensor};
-pub use parameter::{GROUPS, Group, MOUNTING_YAW, PARAMETERS};
+pub use parameter::{GROUPS, Group, PARAMETERS, index};
 pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
 pub use reading::RawReading;
 pub use still::{AxisNoise, StillError, StillResult, StillWatch};

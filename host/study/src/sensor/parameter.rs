@@ -14,22 +14,33 @@ pub struct Group {
     pub range: Range<usize>,
 }
 
+/// Where each kind begins in the list.
+pub mod index {
+    #![expect(missing_docs, reason = "the names are those of the fields of a sensor")]
+    pub const GYRO_SCALE: usize = 0;
+    pub const GYRO_CROSS: usize = 3;
+    pub const GYRO_G: usize = 12;
+    pub const ACCEL_SCALE: usize = 21;
+    pub const ACCEL_CROSS: usize = 24;
+    pub const ACCEL_DRIFT: usize = 33;
+    pub const MOUNTING: usize = 36;
+    /// Rotation in the body about the vertical.
+    pub const MOUNTING_YAW: usize = MOUNTING + 2;
+}
+
 /// Number of errors.
 pub const PARAMETERS: usize = 39;
 
 /// The kinds of errors, in the order of the list. Matrices are stored by rows; a row belongs to a reading axis.
 pub const GROUPS: [Group; 7] = [
-    Group { name: "gyroscope scale", range: 0..3 },
-    Group { name: "gyroscope cross-axis", range: 3..12 },
-    Group { name: "gyroscope sensitivity to gravity", range: 12..21 },
-    Group { name: "accelerometer scale", range: 21..24 },
-    Group { name: "accelerometer cross-axis", range: 24..33 },
-    Group { name: "accelerometer offset with temperature", range: 33..36 },
-    Group { name: "mounting", range: 36..39 },
+    Group { name: "gyroscope scale", range: index::GYRO_SCALE..index::GYRO_CROSS },
+    Group { name: "gyroscope cross-axis", range: index::GYRO_CROSS..index::GYRO_G },
+    Group { name: "gyroscope sensitivity to gravity", range: index::GYRO_G..index::ACCEL_SCALE },
+    Group { name: "accelerometer scale", range: index::ACCEL_SCALE..index::ACCEL_CROSS },
+    Group { name: "accelerometer cross-axis", range: index::ACCEL_CROSS..index::ACCEL_DRIFT },
+    Group { name: "accelerometer offset with temperature", range: index::ACCEL_DRIFT..index::MOUNTING },
+    Group { name: "mounting", range: index::MOUNTING..PARAMETERS },
 ];
-
-/// Index of the sensor's rotation in the body about the vertical.
-pub const MOUNTING_YAW: usize = GROUPS[6].range.start + 2;
 
 impl Sensor {
     /// Returns all errors in the order of [`GROUPS`].
@@ -53,7 +64,8 @@ impl Sensor {
         let mut root = DMatrix::from_diagonal(&DVector::from_iterator(PARAMETERS, self.parameters().map(|one| one.u)));
         for (k, u) in self.axes.u.into_iter().enumerate().filter(|(_, u)| *u > 0.0) {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            let [gyro, accel] = [3, 24].map(|first| [first + 3 * i + j, first + 3 * j + i]);
+            let [gyro, accel] =
+                [index::GYRO_CROSS, index::ACCEL_CROSS].map(|first| [first + 3 * i + j, first + 3 * j + i]);
             let common = accel[0];
             root[(accel[1], accel[1])] = 0.0;
             root[(accel[1], common)] = u;
@@ -80,11 +92,14 @@ impl Sensor {
         let drift = accel * Vector3::from(self.accel_drift_g_per_c.map(|drift| drift.value));
         let mut shares = [0.0; PARAMETERS];
         for i in 0..3 {
-            (shares[i], shares[21 + i], shares[33 + i]) = (1.0 - gyro[(i, i)], 1.0 - accel[(i, i)], drift[i]);
+            shares[index::GYRO_SCALE + i] = 1.0 - gyro[(i, i)];
+            shares[index::ACCEL_SCALE + i] = 1.0 - accel[(i, i)];
+            shares[index::ACCEL_DRIFT + i] = drift[i];
             for j in 0..3 {
-                shares[12 + 3 * i + j] = gravity[(i, j)];
+                shares[index::GYRO_G + 3 * i + j] = gravity[(i, j)];
                 if i != j {
-                    (shares[3 + 3 * i + j], shares[24 + 3 * i + j]) = (-gyro[(i, j)], -accel[(i, j)]);
+                    shares[index::GYRO_CROSS + 3 * i + j] = -gyro[(i, j)];
+                    shares[index::ACCEL_CROSS + 3 * i + j] = -accel[(i, j)];
                 }
             }
         }

@@ -8,7 +8,7 @@
 use super::file::{AXES, MeasuredSensor};
 use super::reading::{Mean, Motion, RawReading, Rests};
 use super::{Estimate, bias_noise};
-use crate::statistics::Line;
+use crate::statistics::{Line, extremes};
 use miette::Diagnostic;
 use sim::functions::{ln, powi};
 use thiserror::Error;
@@ -116,8 +116,7 @@ impl StillWatch {
         let points: Vec<_> = self.bins.chunks_exact(POINT).collect();
         let mean = |point: &[Mean], of: &dyn Fn(&Mean) -> f64| point.iter().map(of).sum::<f64>() / POINT as f64;
         let warmth: Vec<f64> = points.iter().map(|point| mean(point, &|bin| bin.temperature_c)).collect();
-        let least = warmth.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = warmth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let [least, most] = extremes(warmth.iter().copied());
         if most - least < LEAST_KELVIN || points.len() < 6 {
             return None;
         }

@@ -13,6 +13,11 @@ use sim::functions::{exp, ln, ln_1p, powi};
 /// Degrees of freedom above which a distribution equals its limit for infinitely many.
 const MANY: f64 = 1e6;
 
+/// Returns the least and the largest of numbers.
+pub fn extremes(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    numbers.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| [least.min(x), most.max(x)])
+}
+
 /// Returns the two-sided probability of a ratio at least this large, of a difference to its standard uncertainty, by
 /// Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
 pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {

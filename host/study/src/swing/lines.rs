@@ -313,8 +313,7 @@ impl<'a> Fitter<'a> {
         let mut normal = [[0.0; 2]; 2];
         let mut right = [0.0; 2];
         for axis in 0..3 {
-            let all = if axis < 2 { self.square[0] + self.square[1] } else { self.square[2] };
-            let weight = 1.0 / (all + 1e-12);
+            let weight = self.weight(axis);
             let derivative = |motor: usize| -> Option<DVector<f64>> {
                 let i = lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0)?;
                 let (a, b) = (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);

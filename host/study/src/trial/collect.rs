@@ -173,8 +173,8 @@ impl Collector {
         if !motor.speed_rpm.is_nan() {
             return (motor.speed_rpm, motor.turns);
         }
-        let motors = &self.data.motors;
-        let before = motors.time_s.last().zip(motors.values[4 + index].last());
+        let known = self.data.motor_turns(index);
+        let before = known.time_s.last().zip(known.value.last());
         let turns = before.map_or(0.0, |(before_s, turns)| turns + motor.target_rpm / 60.0 * (time_s - before_s));
         (motor.target_rpm, turns)
     }

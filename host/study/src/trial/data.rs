@@ -3,7 +3,7 @@
 use super::bounds::Times;
 use super::finding::Finding;
 use super::shapes::Shapes;
-use crate::attitude::{Columns, Reading};
+use crate::attitude::{Columns, Reading, Track};
 use crate::plan::{PlanError, RobotFile, board, robot};
 use crate::sensor::Sensor;
 use crate::swing::SwingSpeeds;
@@ -304,6 +304,11 @@ impl Data {
             (Some(model), _) => robot::parse(&model.current_parameters(), "its parameters"),
             (None, file) => RobotFile::of_log(file.clone()).parse(),
         }
+    }
+
+    /// Returns the turns of a motor by its encoder.
+    pub fn motor_turns(&self, motor: usize) -> Track<'_> {
+        self.motors.track(4 + motor)
     }
 
     /// Returns the turns of both shafts over time, unrounded if available.

@@ -73,8 +73,11 @@ impl Errors {
         (time_s - AROUND_S).max(span.start)..(time_s + AROUND_S).min(span.end)
     }
 
-    /// Subtracts the known errors of the sensor and of the clock from yaw, pitch and roll.
-    pub fn correct(&self, angles: &mut Columns<3>) {
+    /// Subtracts the zero and the drift of the yaw, and the known errors of the sensor and of the clock.
+    pub fn correct(&self, angles: &mut Columns<3>, yaw_zero: f64) {
+        for (time, yaw) in angles.time_s.iter().zip(&mut angles.values[0]) {
+            *yaw -= yaw_zero + self.drift.as_ref().map_or(0.0, |drift| drift.at(*time));
+        }
         let clock = self.clock.error.value;
         if clock == 0.0 && self.shares.iter().all(|share| *share == 0.0) {
             return;

@@ -20,7 +20,7 @@
 
 use super::over_time::SENSOR_ERRORS;
 use crate::attitude::Columns;
-use crate::sensor::PARAMETERS;
+use crate::sensor::{PARAMETERS, index};
 use nalgebra::{UnitQuaternion, Vector3};
 use sim::body::attitude::rotation_between;
 use sim::functions::{cos, exp, sin};
@@ -129,21 +129,21 @@ impl Sensitivities {
         for i in 0..3 {
             let axis = Vector3::ith(i, 1.0);
             let lean = |kind: usize, j: usize| to_body * leans[kind][3 * i + j];
-            set(i, turned_deg[4 * i], lean(0, i));
-            set(21 + i, 0.0, lean(2, i));
-            set(33 + i, 0.0, self.mounting * axis * warming_c);
+            set(index::GYRO_SCALE + i, turned_deg[4 * i], lean(0, i));
+            set(index::ACCEL_SCALE + i, 0.0, lean(2, i));
+            set(index::ACCEL_DRIFT + i, 0.0, self.mounting * axis * warming_c);
             // The lean at rest, z × μ, minus the part that the filter has followed.
             let lag = match i {
                 0 => Vector3::y() - to_body * followed[1],
                 1 => to_body * followed[0] - Vector3::x(),
                 _ => Vector3::zeros(),
             };
-            set(36 + i, change[i], (change.cross(&axis) + lag) * 1f64.to_radians());
+            set(index::MOUNTING + i, change[i], (change.cross(&axis) + lag) * 1f64.to_radians());
             for j in 0..3 {
-                set(12 + 3 * i + j, gravity_s[3 * i + j], lean(1, j) * 1f64.to_radians());
+                set(index::GYRO_G + 3 * i + j, gravity_s[3 * i + j], lean(1, j) * 1f64.to_radians());
                 if i != j {
-                    set(3 + 3 * i + j, turned_deg[3 * i + j], lean(0, j));
-                    set(24 + 3 * i + j, 0.0, lean(2, j));
+                    set(index::GYRO_CROSS + 3 * i + j, turned_deg[3 * i + j], lean(0, j));
+                    set(index::ACCEL_CROSS + 3 * i + j, 0.0, lean(2, j));
                 }
             }
         }

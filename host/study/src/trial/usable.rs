@@ -102,7 +102,7 @@ impl Data {
                 _ => 0.0,
             };
             let target = speed.rpm() / 60.0 * (run.end - run.start - 2.0 * backwards_s);
-            let turns = &self.motors.values[4 + k];
+            let turns = self.motor_turns(k).value;
             let turned = turns[last] - turns[first];
             if target.abs() > 0.5 && turns.iter().all(|value| *value == turns[first]) {
                 let reason = format!("the encoder of motor {} did not move at a target of {} rpm", k + 1, speed.rpm());

@@ -178,11 +178,7 @@ impl Zeroed {
         }
         let errors = Errors::new(data, sensitivities, series.temperature(), from_s, filter_s, drift, tilt_zero);
         let mut angles_deg = series.angles_deg;
-        let [yaw, ..] = &mut angles_deg.values;
-        for (time, yaw) in angles_deg.time_s.iter().zip(yaw) {
-            *yaw -= yaw_zero + errors.drift.as_ref().map_or(0.0, |drift| drift.at(*time));
-        }
-        errors.correct(&mut angles_deg);
+        errors.correct(&mut angles_deg, yaw_zero);
         if let Some(budget) = errors.yaw(angles_deg.span().end) {
             let yaw_s = constants.map_or(f64::INFINITY, |constants| constants.yaw_s);
             let yaw = ("yaw", angles_deg.track(0), budget.uncertainty_deg(), yaw_s);

@@ -18,6 +18,7 @@ use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, RawReading, Rests};
+use crate::statistics::extremes;
 use miette::Diagnostic;
 use sim::functions::hypot;
 use thiserror::Error;
@@ -203,9 +204,7 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
 /// Fits the mean rate of each axis. The coefficients are the bias, the sensitivity to gravity along x, y and z, and, if
 /// the poses determine it, the change with temperature.
 fn fits(poses: &[Mean; 6], accel_offset_g: &[Estimate; 3]) -> Option<[Fit; 3]> {
-    let temperatures = poses.map(|pose| pose.temperature_c);
-    let warmest = temperatures.into_iter().fold(f64::NEG_INFINITY, f64::max);
-    let coldest = temperatures.into_iter().fold(f64::INFINITY, f64::min);
+    let [coldest, warmest] = extremes(poses.map(|pose| pose.temperature_c));
     let rows = poses.map(|pose| {
         let force: [f64; 3] = std::array::from_fn(|i| pose.force_g[i] - accel_offset_g[i].value);
         let length = force.iter().map(|part| part * part).sum::<f64>().sqrt();

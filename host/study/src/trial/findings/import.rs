@@ -87,7 +87,7 @@ fn other_yaw(import: &ImportMeta) -> Option<String> {
 fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
     let wanted = data.speeds().map(|speed| speed.rpm());
     [0, 1].into_iter().find_map(|k| {
-        let rpm = 60.0 * data.motors.track(4 + k).rate(window.clone())?;
+        let rpm = 60.0 * data.motor_turns(k).rate(window.clone())?;
         let is_other = (rpm - wanted[k]).abs() > SAME_RPM + SAME_SHARE * wanted[k].abs();
         is_other.then(|| {
             format!(
@@ -135,7 +135,7 @@ fn sparse(data: &Data) -> Option<String> {
 fn turned_before(data: &Data) -> Option<String> {
     let (run, step_s) = (&data.times.run, data.motors.interval_s().unwrap_or_default());
     let before = (run.start - REST_S).max(data.times.preroll.start)..run.start - 2.0 * step_s;
-    let rate = |k: usize| data.motors.track(4 + k).rate(before.clone()).unwrap_or_default();
+    let rate = |k: usize| data.motor_turns(k).rate(before.clone()).unwrap_or_default();
     let k = [0, 1].into_iter().find(|k| before.end > before.start && 60.0 * rate(*k).abs() > SAME_RPM)?;
     Some(format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1))
 }

@@ -1,7 +1,7 @@
 //! The errors of a trial's blocks: the errors of the sensor, the solver and the clocks, and the remaining error.
 
 use super::Blocks;
-use crate::sensor::MOUNTING_YAW;
+use crate::sensor::index::MOUNTING_YAW;
 use crate::trial::OverTime;
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::DMatrix;

@@ -1,6 +1,7 @@
 //! The fluid of each trial: the viscosity of a glycerol mixture depends on the trial's temperature.
 
 use super::data::FitTrial;
+use crate::statistics::extremes;
 use crate::text::count;
 use crate::twin::TwinError;
 use sim::params::{Fluid, Glycerol, Robot};
@@ -28,8 +29,7 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
         });
     }
     let mean_c = mean_c(trials);
-    let celsius = trials.iter().map(|trial| trial.temperature_c);
-    let (least, most) = celsius.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(c), b.max(c)));
+    let [least, most] = extremes(trials.iter().map(|trial| trial.temperature_c));
     let Some(mixture) = fluid.glycerol.take() else {
         let real = trials.iter().any(|trial| trial.is_real);
         return Ok((real && most - least > SAME_C).then(|| {

@@ -29,6 +29,26 @@ const SENSOR_LIMIT: f64 = 4.0;
 /// Quantile above which a note states the number of standard errors in an interval.
 const USUAL_QUANTILE: f64 = 3.0;
 
+/// RMS error above which a fit that did not leave its start has failed, degrees: it exceeds the model's own error.
+const STUCK_DEG: f64 = 10.0;
+
+/// Returns a warning about a fit that did not leave its start.
+pub(super) fn stuck(has_moved: bool, rmse_deg: f64) -> Option<String> {
+    (!has_moved && rmse_deg > STUCK_DEG).then(|| {
+        format!("the fit did not leave its start, where the RMS error is {rmse_deg:.0}°: start from another robot with --robot")
+    })
+}
+
+/// Returns a warning about parameters that have not reached the minimum.
+pub(super) fn short(parameters: &[&str]) -> Option<String> {
+    (!parameters.is_empty()).then(|| {
+        format!(
+            "the fit has not reached its minimum in {}: fit again with --robot from the robot file that it writes",
+            parameters.join(", ")
+        )
+    })
+}
+
 /// Returns descriptions of the parameters that cannot be separated or are not determined.
 pub(super) fn cannot_tell(
     estimates: &[FittedParameter],

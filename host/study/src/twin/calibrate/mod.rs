@@ -68,9 +68,6 @@ const MAX_EVALS_PER_PARAM: usize = 20;
 /// Standard deviation of the remaining error of a block assumed by the weights of the fit, degrees.
 const ASSUMED_REST_DEG: f64 = 0.1;
 
-/// RMS error above which a fit that did not leave its start has failed, degrees: it exceeds the model's own error.
-const STUCK_DEG: f64 = 10.0;
-
 /// Next least-squares step, in standard errors, above which the fit has not reached the minimum.
 const LEFT_TO_GO: f64 = 1.0;
 
@@ -135,22 +132,12 @@ fn fit(
     let problem = minimise(near.as_ref().map_or(problem, |near| Problem::new(given, near)))?;
     let errors = problem.errors().unwrap_or_default();
     let rmse_after_deg = rms(errors.iter().flatten());
-    if !problem.has_moved() && rmse_after_deg > STUCK_DEG {
-        warnings.push(format!(
-            "the fit did not leave its start, where the RMS error is {rmse_after_deg:.0}°: start from another robot with --robot"
-        ));
-    }
-
+    warnings.extend(judge::stuck(problem.has_moved(), rmse_after_deg));
     let robot = problem.robot(problem.start, problem.moved());
     let model_error = ModelError::of(&robot);
     let spread = Spread::of(&problem, &errors, &model_error)?;
     let short_of_minimum = spread.short_of_minimum(&parameters);
-    if !short_of_minimum.is_empty() {
-        warnings.push(format!(
-            "the fit has not reached its minimum in {}: fit again with --robot from the robot file that it writes",
-            short_of_minimum.join(", ")
-        ));
-    }
+    warnings.extend(judge::short(&short_of_minimum));
     let estimates = estimates(&problem, &start, &spread);
     let correlations = correlations(&spread.covariance);
     let eigenvalues = correlations.clone().symmetric_eigenvalues();

@@ -28,6 +28,9 @@ pub enum Parameter {
     PhaseBoth,
 }
 
+/// A key of the robot's file, and its place in a robot.
+type Keyed = (&'static str, fn(&mut Robot) -> &mut f64);
+
 impl Parameter {
     /// All parameters that can be requested; [`Self::Phase`] requests both phases.
     pub const ALL: [Self; 7] =
@@ -69,16 +72,8 @@ impl Parameter {
 
     /// Returns the key in the robot's file; `None` for the mounting of the sensor.
     pub fn key(self, closure: Closure) -> Option<&'static str> {
-        Some(match self {
-            Self::Tether if closure == Closure::Lumped => "joint.tether_lumped_nm_per_rad",
-            Self::Tether => "joint.tether_full_nm_per_rad",
-            Self::Righting => "base.mass_centre_below_joint_m",
-            Self::Drag => "base.rotational_drag",
-            Self::Viscosity => "fluid.viscosity_pa_s",
-            Self::Young => "flagellum.young_pa",
-            Self::Phase | Self::PhaseBoth => "flagellum.phase_deg",
-            Self::MountYaw => return None,
-        })
+        let phases = self.is_phase().then_some("flagellum.phase_deg");
+        self.place(closure).map(|(key, _)| key).or(phases)
     }
 
     /// Returns the unit.
@@ -86,22 +81,19 @@ impl Parameter {
         self.row().1
     }
 
-    /// Returns a positive parameter in a robot; `None` for an angle.
-    fn place(self, robot: &mut Robot, closure: Closure) -> Option<&mut f64> {
+    /// Returns the key of a positive parameter in the robot's file, and its place in a robot; `None` for an angle.
+    fn place(self, closure: Closure) -> Option<Keyed> {
         Some(match self {
-            Self::Tether if closure == Closure::Lumped => &mut robot.joint.tether_lumped_nm_per_rad,
-            Self::Tether => &mut robot.joint.tether_full_nm_per_rad,
-            Self::Righting => &mut robot.base.mass_centre_below_joint_m,
-            Self::Drag => &mut robot.base.rotational_drag,
-            Self::Viscosity => &mut robot.fluid.viscosity_pa_s,
-            Self::Young => &mut robot.flagellum.young_pa,
+            Self::Tether if closure == Closure::Lumped => {
+                ("joint.tether_lumped_nm_per_rad", |r| &mut r.joint.tether_lumped_nm_per_rad)
+            }
+            Self::Tether => ("joint.tether_full_nm_per_rad", |r| &mut r.joint.tether_full_nm_per_rad),
+            Self::Righting => ("base.mass_centre_below_joint_m", |r| &mut r.base.mass_centre_below_joint_m),
+            Self::Drag => ("base.rotational_drag", |r| &mut r.base.rotational_drag),
+            Self::Viscosity => ("fluid.viscosity_pa_s", |r| &mut r.fluid.viscosity_pa_s),
+            Self::Young => ("flagellum.young_pa", |r| &mut r.flagellum.young_pa),
             Self::MountYaw | Self::Phase | Self::PhaseBoth => return None,
         })
-    }
-
-    /// Returns whether it is a parameter of the robot, so that a change requires a new simulation.
-    pub(super) fn is_of_the_robot(self) -> bool {
-        self != Self::MountYaw
     }
 
     /// Returns whether it is an angle, which the fit moves in radians.
@@ -127,9 +119,8 @@ impl Parameter {
     /// Returns the value of the parameter for a value of the fit's variable: the logarithm of its ratio to the start for
     /// a positive parameter, an angle in radians otherwise.
     pub(super) fn value(self, start: &Robot, closure: Closure, moved: f64) -> f64 {
-        let mut robot = start.clone();
-        if let Some(place) = self.place(&mut robot, closure) {
-            return *place * exp(moved);
+        if let Some((_, place)) = self.place(closure) {
+            return *place(&mut start.clone()) * exp(moved);
         }
         let [one, two] = start.flagellum.phase_deg;
         let from = match self {
@@ -154,8 +145,8 @@ impl Parameter {
 
     /// Sets the parameter of a robot.
     pub(super) fn put(self, robot: &mut Robot, closure: Closure, moved: f64) {
-        if let Some(place) = self.place(robot, closure) {
-            *place *= exp(moved);
+        if let Some((_, place)) = self.place(closure) {
+            *place(robot) *= exp(moved);
         }
         let [one, two] = &mut robot.flagellum.phase_deg;
         if self == Self::PhaseBoth {

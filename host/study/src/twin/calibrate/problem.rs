@@ -143,7 +143,8 @@ impl<'a> Problem<'a> {
         let changed = |i: usize, sign: f64| {
             let mut moved = self.moved.clone();
             moved[i] += sign * FD_STEP;
-            let is_of_robot = self.given.parameters[i].is_of_the_robot();
+            // The mounting of the sensor needs no new simulation.
+            let is_of_robot = self.given.parameters[i] != Parameter::MountYaw;
             let modelled = if is_of_robot { self.model(&tight, &moved)? } else { modelled.clone() };
             Some(self.mounted(&modelled, &moved))
         };
