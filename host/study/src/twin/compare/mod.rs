@@ -1,8 +1,8 @@
 //! Compares measured and modelled attitude over a trial.
 //!
 //! Both are put on a common clock, which is zero when the motors start, and expressed relative to the still phase
-//! before the run ([`Zeroed`]). Errors are modelled minus measured values. Steady states and transients are judged
-//! separately.
+//! before the run ([`crate::trial::Zeroed`]). Errors are modelled minus measured values. Steady states and transients are
+//! judged separately.
 
 mod aligned;
 mod comparison;
