@@ -12,6 +12,7 @@ use study::output::OutputError;
 use study::plan::PlanError;
 use study::sweep::SweepError;
 use study::text::word;
+use study::twin::TwinError;
 
 /// Why a function failed.
 #[derive(Debug)]
@@ -78,8 +79,7 @@ impl Failure {
 
 impl From<ParamError> for Failure {
     fn from(error: ParamError) -> Self {
-        let (key, reason) = (error.key.to_owned(), error.reason.clone());
-        Self { class: PARAMETER, text: error.to_string(), key, reason, help: String::new() }
+        Self { text: error.to_string(), ..Self::parameter(error.key, error.reason) }
     }
 }
 
@@ -91,8 +91,7 @@ impl From<ProfileError> for Failure {
 
 impl From<StepError> for Failure {
     fn from(error: StepError) -> Self {
-        let text = error.to_string();
-        Self { class: ERROR, reason: text.clone(), text, key: "solver".to_owned(), help: String::new() }
+        Self { text: error.to_string(), ..Self::new("solver", error.to_string()) }
     }
 }
 
@@ -167,6 +166,12 @@ impl From<PlanError> for Failure {
             (failure.key, failure.reason) = (place, what);
         }
         failure
+    }
+}
+
+impl From<TwinError> for Failure {
+    fn from(error: TwinError) -> Self {
+        Self::of(&error)
     }
 }
 

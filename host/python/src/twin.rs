@@ -12,13 +12,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use sim::trial::Options;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use study::plan::RobotFile;
-use study::session::{Attempt, Session, Sharing};
+use study::session::Attempt;
 use study::trial::{Judged, Want};
 use study::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
-use study::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
+use study::twin::{self, Compared, OnMismatch, Pairs, Source};
 
 /// Compares the trials of a log or session with their replays in the model, or with those of another session. Returns the
 /// comparison and, by the names of the trials, both attitudes over time.
@@ -36,25 +36,22 @@ pub fn compare<'py>(
     let closure = closure.map(names::closure).transpose()?;
     let robot = robot.map(|robot| robot.get().file.clone());
     let jobs = threads::count(jobs)?;
-    let on_mismatch = match (robot.is_some() || closure.is_some(), anyway) {
-        (true, _) => OnMismatch::Accept,
-        (_, true) => OnMismatch::Warn,
-        _ => OnMismatch::Reject,
-    };
+    let on_mismatch = OnMismatch::of(robot.is_some() || closure.is_some(), anyway);
     if modelled.is_some() && (robot.is_some() || closure.is_some()) {
         let reason = "leave it out: the other session has a model of its own";
         return Err(Failure::parameter(if robot.is_some() { "robot" } else { "closure" }, reason).into());
     }
     let (comparison, points) = interruptible(py, |stop| {
-        let result = match &modelled {
-            Some(modelled) => sessions(&measured, modelled, on_mismatch, jobs),
-            None => {
-                let options = Options { rate_hz: twin::REPLAY_HZ, shapes: false };
-                let settings = twin::Settings { closure, robot, options, any_rate: true, jobs, quiet: true };
-                replays(&measured, &settings, on_mismatch, stop)
-            }
-        };
-        result.map_err(|error| Failure::of(&error))
+        let (want, points) = (Want::default(), |_: &Judged, _: &Judged, compared: &Compared| compared.points.clone());
+        if let Some(modelled) = &modelled {
+            let pairs = Pairs::of(&measured, modelled)?;
+            return Ok(twin::compare_pairs(&pairs, want, on_mismatch, jobs, &points)?);
+        }
+        let options = Options { rate_hz: twin::REPLAY_HZ, shapes: false };
+        let settings = twin::Settings { closure, robot, options, any_rate: true, jobs, quiet: true };
+        let source = Source::open(&measured)?;
+        let replays = twin::compare_replays(&source, &settings, want, on_mismatch, stop, &points)?;
+        Ok(replays.sum_up([&source.path, &source.replay_folder()], on_mismatch)?)
     })?;
     let series = PyDict::new(py);
     for (trial, points) in comparison.trials.iter().zip(points) {
@@ -70,33 +67,6 @@ pub fn compare<'py>(
         series.set_item(&trial.name, columns)?;
     }
     Ok((json::record(py, &comparison)?, series))
-}
-
-type Comparisons = (twin::SessionComparison, Vec<Vec<twin::Point>>);
-
-fn sessions(measured: &Path, modelled: &Path, on_mismatch: OnMismatch, jobs: usize) -> Result<Comparisons, TwinError> {
-    let pairs = Pairs::of(measured, modelled)?;
-    let points = |_: &Judged, _: &Judged, compared: &Compared| compared.points.clone();
-    twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &points)
-}
-
-fn replays(
-    measured: &Path,
-    settings: &twin::Settings,
-    on_mismatch: OnMismatch,
-    stop: &AtomicBool,
-) -> Result<Comparisons, TwinError> {
-    let source = Source::open(measured)?;
-    let folder = source.replay_folder();
-    let session = Session::resume(&folder, &source.plan)?;
-    let _lock = session.lock(Sharing::Alone)?;
-    let compare = |replayed: &Replayed, a: Judged| {
-        let b = Judged::read(&replayed.log, Want::default())?;
-        let Compared { comparison, points, .. } = twin::compare(&a, &b, on_mismatch)?;
-        Ok((comparison, points))
-    };
-    let replays = twin::replay(&source, &session, settings, Want::default(), stop, &|_| String::new(), &compare)?;
-    replays.sum_up([&source.path, &folder], on_mismatch)
 }
 
 /// Fits parameters of a robot to logs. Returns the fit, the fitted robot and the text of its file.
@@ -125,7 +95,7 @@ pub fn calibrate<'py>(
         let read = |log: &Attempt| FitTrial::read(log).map_err(|error| Failure::of_file(&log.path, &error));
         let trials = files.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let goes_on = || !stop.load(Ordering::Relaxed);
-        let mut calibration = fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))?;
+        let mut calibration = fit_trials(trials, &request, &goes_on)?;
         calibration.findings.extend(left_out);
         Ok(calibration)
     })?;

@@ -31,6 +31,13 @@ pub enum Outcome {
     Interrupted,
 }
 
+impl Outcome {
+    /// Returns how a command ended that did all, by whether nothing was lost and nothing is to be warned of.
+    pub fn of(is_sound: bool) -> Self {
+        if is_sound { Self::Done } else { Self::WithLoss }
+    }
+}
+
 pub use study::WRONG_USE;
 
 /// The result of a command.
@@ -55,17 +62,21 @@ impl Answer {
         Ok(Self { outcome, json, text: text.into() })
     }
 
+    /// Adds a value to the JSON.
+    pub fn with(mut self, key: &str, value: impl Serialize) -> Self {
+        self.json[key] = serde_json::json!(value);
+        self
+    }
+
     /// Creates an answer with the part that was done before the error `report`, which is printed and added to the JSON.
     ///
     /// # Errors
     /// If `body` cannot be represented in JSON.
     pub fn failed(body: &impl Serialize, report: &Report) -> miette::Result<Self> {
-        let mut answer = Self::new(Outcome::Failed, body, "")?;
-        if let (Some(json), serde_json::Value::Object(error)) = (answer.json.as_object_mut(), error_json(report)) {
-            json.extend(error);
-        }
+        let answer = Self::new(Outcome::Failed, body, "")?;
         eprint(describe(report.as_ref()));
-        Ok(answer)
+        let error = error_json(report);
+        Ok(answer.with("error", &error["error"]).with("help", &error["help"]))
     }
 }
 

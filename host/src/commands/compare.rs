@@ -4,15 +4,12 @@ use super::answer::{Answer, Outcome, WRONG_USE};
 use super::findings::finding_line;
 use super::options::{closure, cores, written_as};
 use crate::plan::robot;
-use crate::report::{self, ByteBudget, Kind, View};
-use crate::session::{Session, Sharing};
+use crate::report::{self, Kind, View};
 use crate::signals::interruption;
 use crate::text::{count, decimal, signed};
-use crate::trial::{Judged, Want};
-use crate::twin::{
-    self, AngleComparison, Comparison, OnMismatch, Pairs, Replayed, SessionAngle, SessionComparison, Source,
-};
-use serde::Serialize;
+use crate::trial::Judged;
+use crate::twin::{self, AngleComparison, Comparison, OnMismatch, Pairs, SessionAngle, SessionComparison, Source};
+use serde_json::json;
 use sim::body::closure::Closure;
 use sim::trial::Options;
 use std::fmt::Write;
@@ -51,51 +48,46 @@ pub struct Args {
 /// Largest number of trials whose replays contain the shapes of the flagella, because the size of the page is limited.
 const SHAPES_UP_TO: usize = 8;
 
-#[derive(Serialize)]
-struct Body<'a> {
-    #[serde(flatten)]
-    comparison: &'a SessionComparison,
-    /// The page with the comparison.
-    report: Option<String>,
-    /// What the values do not say by themselves.
-    notes: Vec<String>,
-}
-
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    let on_mismatch = if args.robot.is_some() || args.closure.is_some() {
-        OnMismatch::Accept
-    } else if args.anyway {
-        OnMismatch::Warn
-    } else {
-        OnMismatch::Reject
-    };
+    let on_mismatch = OnMismatch::of(args.robot.is_some() || args.closure.is_some(), args.anyway);
     let budget = report::budget(&args.a)?;
-    let (comparison, views, notes) = match &args.b {
+    let want = report::want(budget);
+    let view = |a: &Judged, b: &Judged, compared: &_| View::new(a, Some((compared, b)), budget);
+    let (comparison, views, note) = match &args.b {
         Some(b) => {
-            let view = |a: &Judged, b: &Judged, compared: &_| View::new(a, Some((compared, b)), budget);
             let pairs = Pairs::of(&args.a, b)?;
-            let (comparison, views) = twin::compare_pairs(&pairs, report::want(budget), on_mismatch, jobs, &view)?;
-            (comparison, views, Vec::new())
+            let (comparison, views) = twin::compare_pairs(&pairs, want, on_mismatch, jobs, &view)?;
+            (comparison, views, None)
         }
-        None => match replays(args, jobs, on_mismatch, budget)? {
-            Compared::Done(comparison, views, notes) => (*comparison, views, notes),
-            Compared::Interrupted(folder) => {
+        None => {
+            let interrupted = interruption()?;
+            let source = Source::open(&args.a)?;
+            let settings = twin::Settings {
+                closure: args.closure,
+                robot: args.robot.as_deref().map(robot::load).transpose()?,
+                options: Options { rate_hz: twin::REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
+                any_rate: true,
+                jobs,
+                quiet: false,
+            };
+            let replays = twin::compare_replays(&source, &settings, want, on_mismatch, &interrupted, &view)?;
+            let folder = source.replay_folder();
+            if replays.interrupted {
                 let text = format!("interrupted; the complete replays are in {}", folder.display());
-                return Answer::new(
-                    Outcome::Interrupted,
-                    &serde_json::json!({ "trials": [], "report": null, "notes": [] }),
-                    text,
-                );
+                let body = json!({ "trials": [], "report": null, "notes": [] });
+                return Answer::new(Outcome::Interrupted, &body, text);
             }
-        },
+            let note = replays.note_on_phases();
+            let (comparison, views) = replays.sum_up([&source.path, &folder], on_mismatch)?;
+            (comparison, views, note)
+        }
     };
     if comparison.trials.is_empty() {
         let found = comparison.findings.iter().map(|of_log| of_log.finding.text.as_str());
         let reasons: Vec<_> = comparison.skipped.iter().map(|trial| trial.reason.as_str()).chain(found).collect();
         return Err(miette::miette!(code = WRONG_USE, "nothing could be compared: {}", reasons.join("; ")));
     }
-    let is_whole = comparison.is_sound();
     // The results are printed even if the page cannot be written.
     let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, args.out.as_deref()) {
         Ok(written) => {
@@ -103,50 +95,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         Err(error) => (None, format!("no report: {error}\n")),
     };
-    let outcome = if is_whole && report.is_some() { Outcome::Done } else { Outcome::WithLoss };
-    let noted: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
+    let noted = note.as_ref().map_or_else(String::new, |note| format!("note: {note}\n"));
     let text = describe(&comparison) + &noted + &page;
-    Answer::new(outcome, &Body { comparison: &comparison, report, notes }, text)
-}
-
-/// The comparison of recordings with their replays.
-enum Compared {
-    Done(Box<SessionComparison>, Vec<View>, Vec<String>),
-    /// Interrupted, with the folder of the replays.
-    Interrupted(PathBuf),
-}
-
-fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget) -> miette::Result<Compared> {
-    let interrupted = interruption()?;
-    let source = Source::open(&args.a)?;
-    let settings = twin::Settings {
-        closure: args.closure,
-        robot: args.robot.as_deref().map(robot::load).transpose()?,
-        options: Options { rate_hz: twin::REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
-        any_rate: true,
-        jobs,
-        quiet: false,
-    };
-    let folder = source.replay_folder();
-    let session = Session::resume(&folder, &source.plan)?;
-    let _lock = session.lock(Sharing::Alone)?;
-    let want = report::want(budget);
-    let compare = |replayed: &Replayed, a: Judged| {
-        // The page shows the shapes and the forces of the replay if the recording has none.
-        let shapes = if a.data.shapes.is_empty() { want.shapes } else { 0 };
-        let b = Judged::read(&replayed.log, Want { shapes, forces: a.data.forces.is_empty(), ..want })?;
-        let compared = twin::compare(&a, &b, on_mismatch)?;
-        let view = View::new(&a, Some((&compared, &b)), budget);
-        Ok((compared.comparison, view))
-    };
-    let line = |run: &crate::run::model::ModelRun| run.trial.name.clone();
-    let replays = twin::replay(&source, &session, &settings, want, &interrupted, &line, &compare)?;
-    if replays.interrupted {
-        return Ok(Compared::Interrupted(folder));
-    }
-    let notes = replays.note_on_phases().into_iter().collect();
-    let (comparison, views) = replays.sum_up([&source.path, &folder], on_mismatch)?;
-    Ok(Compared::Done(Box::new(comparison), views, notes))
+    let outcome = Outcome::of(comparison.is_sound() && report.is_some());
+    Ok(Answer::new(outcome, &comparison, text)?.with("report", report).with("notes", Vec::from_iter(note)))
 }
 
 fn describe(comparison: &SessionComparison) -> String {

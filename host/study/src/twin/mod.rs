@@ -22,5 +22,5 @@ pub use compare::{
 };
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
-pub use session::{Chance, Pairs, SessionAngle, SessionComparison, Skipped, compare_pairs};
+pub use session::{Chance, Pairs, SessionAngle, SessionComparison, Skipped, compare_pairs, compare_replays};
 pub use source::{Source, logs};

@@ -48,6 +48,15 @@ pub enum OnMismatch {
 }
 
 impl OnMismatch {
+    /// Returns what follows from the user's choices: another robot or closure, or `--anyway`.
+    pub fn of(is_chosen: bool, anyway: bool) -> Self {
+        match (is_chosen, anyway) {
+            (true, _) => Self::Accept,
+            (false, true) => Self::Warn,
+            (false, false) => Self::Reject,
+        }
+    }
+
     /// Returns the warning about two logs or sessions that are shown together despite this difference, if there is one.
     ///
     /// # Errors

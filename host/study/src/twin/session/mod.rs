@@ -7,13 +7,16 @@ mod verdict;
 pub use comparison::{Chance, SessionAngle, SessionComparison, Skipped};
 
 use super::replay::pool;
-use super::{AngleComparison, Compared, Comparison, OnMismatch, Replays, Source, TwinError, compare};
+use super::{
+    AngleComparison, Compared, Comparison, OnMismatch, Replayed, Replays, Settings, Source, TwinError, compare, replay,
+};
 use crate::plan::Trial;
-use crate::session::Attempt;
+use crate::session::{Attempt, Session, Sharing};
 use crate::trial::{Judged, LogFinding, Want};
 use rayon::prelude::*;
 use sim::functions::powi;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 /// Pairs of trials to compare.
 #[derive(Clone, Debug)]
@@ -97,6 +100,32 @@ pub fn compare_pairs<T: Send>(
     let results = pool(jobs)?.install(|| pairs.pairs.par_iter().map(one).collect());
     let paths = pairs.paths.each_ref().map(PathBuf::as_path);
     sum_up(paths, results, (pairs.skipped.clone(), pairs.left_out.clone()), on_mismatch)
+}
+
+/// Compares recordings with their replays, which are computed where they are missing or outdated. `then` as in
+/// [`compare_pairs`]; the replay has the shapes and the forces that `want` asks for if the recording has none.
+///
+/// # Errors
+/// As [`replay`].
+pub fn compare_replays<T: Send>(
+    source: &Source,
+    settings: &Settings,
+    want: Want,
+    on_mismatch: OnMismatch,
+    interrupted: &AtomicBool,
+    then: &(dyn Fn(&Judged, &Judged, &Compared) -> T + Sync),
+) -> Result<Replays<Result<(Comparison, T), TwinError>>, TwinError> {
+    let session = Session::resume(&source.replay_folder(), &source.plan)?;
+    let _lock = session.lock(Sharing::Alone)?;
+    let compare = |replayed: &Replayed, a: Judged| {
+        let shapes = if a.data.shapes.is_empty() { want.shapes } else { 0 };
+        let forces = want.forces && a.data.forces.is_empty();
+        let b = Judged::read(&replayed.log, Want { shapes, forces, ..want })?;
+        let compared = compare(&a, &b, on_mismatch)?;
+        let made = then(&a, &b, &compared);
+        Ok((compared.comparison, made))
+    };
+    replay(source, &session, settings, want, interrupted, &|run| run.trial.name.clone(), &compare)
 }
 
 /// The comparison of a trial, with the caller's result for it.
