@@ -7,6 +7,7 @@ use crate::link::{Link, LinkError};
 use crate::output::OutputError;
 use crate::plan::board;
 use crate::program;
+use crate::progress::Progress;
 use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow, note as board_note};
 use crate::signals::interruption;
 use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
@@ -17,6 +18,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 use study::sensor::{FILE_NAME, MeasuredSensor, RawReading, note};
+
+/// Time between two texts of the figures, s.
+const SHOWN_S: f64 = 0.2;
 
 /// The board and the file.
 #[derive(clap::Args, Debug)]
@@ -34,6 +38,16 @@ pub struct Common {
     /// The sensor's file. What is in it already stays, unless it is measured again.
     #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME, value_parser = written_as(&["toml"]))]
     output: PathBuf,
+}
+
+/// What the user is told after a reading.
+pub struct Told {
+    /// What to do.
+    pub instruction: String,
+    /// How it stands.
+    pub figures: String,
+    /// Whether nothing is left to do.
+    pub is_done: bool,
 }
 
 /// The board on the bench.
@@ -90,11 +104,15 @@ impl Bench {
         Ok(Self { nano, is_replay, link, settings, file, path, log_path, name, interrupted })
     }
 
-    /// Passes every reading to `take` until it returns false. The readings are in a log, also if the measurement fails.
+    /// Passes every reading to `take` until nothing is left to do, and shows what it tells, and its progress of `total`. The
+    /// readings are in a log, also if the measurement fails.
     pub fn follow(
         &mut self,
-        mut take: impl FnMut(&RawReading, Option<&mut VirtualNano>) -> miette::Result<bool>,
+        total: f64,
+        mut take: impl FnMut(&RawReading, Option<&mut VirtualNano>, &mut Progress) -> miette::Result<Told>,
     ) -> miette::Result<Followed> {
+        let mut progress = Progress::new(total);
+        let (mut said, mut shown_s) = (String::new(), f64::NEG_INFINITY);
         let origin = if self.nano.is_some() { Origin::VirtualRig } else { Origin::Rig };
         let start = Start {
             identity: program::identity(origin, SystemTime::now()),
@@ -107,11 +125,21 @@ impl Bench {
         if let Some(nano) = &self.nano {
             log.meta(nano.sensor())?;
         }
-        let nano = &mut self.nano;
+        let (nano, what) = (&mut self.nano, self.name.trim_start_matches("sensor "));
         let followed = follow(&self.link, &self.settings, &mut log, &self.interrupted, |reading, _| {
-            take(reading, nano.as_mut()).map_err(Failure)
+            let told = take(reading, nano.as_mut(), &mut progress).map_err(Failure)?;
+            if told.instruction != said {
+                progress.phase(what, &told.instruction);
+                said = told.instruction;
+            }
+            if reading.time_s > shown_s + SHOWN_S {
+                shown_s = reading.time_s;
+                progress.figures(&told.figures);
+            }
+            Ok(!told.is_done)
         })
         .map_err(|Failure(report)| report);
+        progress.finish();
         let summary = match &followed {
             Ok(followed) => Summary { end: End::Complete, link: followed.link, ..Summary::default() },
             Err(report) => Summary { end: End::Failed, reason: report.to_string(), ..Summary::default() },

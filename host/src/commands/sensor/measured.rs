@@ -4,8 +4,8 @@ use super::super::answer::{Answer, Outcome};
 use super::bench::{Bench, Kept};
 use crate::run::rig::Followed;
 use miette::Report;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
+use std::path::Path;
 use study::sensor::{AXES, MeasuredSensor};
 
 /// The result of a measurement.
@@ -20,7 +20,7 @@ pub struct Measured {
 
 /// Writes the file and returns the answer.
 pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> miette::Result<Answer> {
-    let Measured { mut text, mut json, mut warnings } = measured;
+    let Measured { mut text, json, mut warnings } = measured;
     if followed.link.lost > 0 {
         warnings.push(format!("{} frames were lost", followed.link.lost));
     }
@@ -28,11 +28,6 @@ pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> mie
     if kept == Kept::Failed {
         warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());
     }
-    json.insert("kept_on_board".to_owned(), json!(kept == Kept::Scales));
-    json.insert("sensor".to_owned(), values(&bench.file));
-    json.insert("file".to_owned(), json!(crate::text::printable(&bench.path.display().to_string())));
-    json.insert("log".to_owned(), json!(crate::text::printable(&bench.log_path.display().to_string())));
-    json.insert("warnings".to_owned(), json!(warnings));
     for warning in &warnings {
         text += &format!("warning: {warning}\n");
     }
@@ -40,7 +35,14 @@ pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> mie
         text += "the board keeps the scales\n";
     }
     text += &format!("written to {}; readings in {}", bench.path.display(), bench.log_path.display());
-    Answer::new(if warnings.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &json, text)
+    let shown = |path: &Path| crate::text::printable(&path.display().to_string());
+    let answer = Answer::new(Outcome::of(warnings.is_empty()), &json, text)?
+        .with("kept_on_board", kept == Kept::Scales)
+        .with("sensor", values(&bench.file))
+        .with("file", shown(&bench.path))
+        .with("log", shown(&bench.log_path))
+        .with("warnings", warnings);
+    Ok(answer)
 }
 
 /// Returns the answer to a measurement that ended early: an interrupted one is no failure.
@@ -53,11 +55,6 @@ pub fn ended(error: Report) -> miette::Result<Answer> {
 
 /// Returns the values of the file: the gyroscope's scales as lists, and every table.
 fn values(file: &MeasuredSensor) -> Value {
-    #[derive(Serialize)]
-    struct One {
-        value: f64,
-        u: f64,
-    }
     let scale =
         |part: fn(&study::sensor::Estimate) -> f64| AXES.map(|axis| file.get("gyro_scale", axis).as_ref().map(part));
     let mut values = Map::new();
@@ -65,7 +62,7 @@ fn values(file: &MeasuredSensor) -> Value {
     values.insert("scale_u".to_owned(), json!(scale(|scale| scale.u)));
     for (name, table) in file.tables() {
         let table: Map<_, _> =
-            table.iter().map(|(key, one)| (key.clone(), json!(One { value: one.value, u: one.u }))).collect();
+            table.iter().map(|(key, one)| (key.clone(), json!({ "value": one.value, "u": one.u }))).collect();
         values.insert(name.to_owned(), Value::Object(table));
     }
     Value::Object(values)

@@ -1,10 +1,9 @@
 //! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
 
 use super::super::options::within;
-use super::bench::{Bench, Common};
+use super::bench::{Bench, Common, Told};
 use super::measured::{Measured, finish, percent};
 use crate::commands::answer::Answer;
-use crate::progress::Progress;
 use serde_json::{Map, json};
 use study::sensor::{AXES, Estimate, PoseStep, PosesResult, PosesWatch};
 use study::text::signed;
@@ -30,10 +29,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut bench = Bench::open(&args.common, "poses")?;
     let is_replay = bench.is_replay;
     let mut watch = PosesWatch::new(args.seconds);
-    let mut progress = Progress::new(6.0);
-    let (mut said, mut shown_s, mut left) = (String::new(), f64::NEG_INFINITY, 6);
-    let mut ordered = String::new();
-    let followed = bench.follow(|reading, nano| {
+    let (mut left, mut ordered) = (6, String::new());
+    let followed = bench.follow(6.0, |reading, nano, progress| {
         let step = watch.push(reading)?;
         let now_left = watch.missing().len();
         if now_left < left {
@@ -49,18 +46,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             nano.pose(&ordered, 2.0)?;
         }
         let (instruction, figures) = told(&step);
-        if instruction != said {
-            progress.phase("poses", &instruction);
-            said = instruction;
-        }
-        if reading.time_s > shown_s + 0.2 {
-            shown_s = reading.time_s;
-            progress.figures(&figures);
-        }
-        Ok(step != PoseStep::Done)
-    });
-    progress.finish();
-    let followed = followed?;
+        Ok(Told { instruction, figures, is_done: step == PoseStep::Done })
+    })?;
     let result = watch.result(args.placement)?;
     result.enter(&mut bench.file);
     let measured = described(&result);

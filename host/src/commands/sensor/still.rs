@@ -1,10 +1,9 @@
 //! `biflag sensor still`: the gyroscope's noise, by a long rest.
 
 use super::super::options::within;
-use super::bench::{Bench, Common};
+use super::bench::{Bench, Common, Told};
 use super::measured::{Measured, finish};
 use crate::commands::answer::Answer;
-use crate::progress::Progress;
 use serde_json::{Map, json};
 use study::sensor::{AXES, StillResult, StillWatch};
 use study::text::signed;
@@ -27,26 +26,19 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut bench = Bench::open(&args.common, "still")?;
     let mut is_started = !bench.is_replay;
     let mut watch = StillWatch::new(args.seconds);
-    let progress = Progress::new(args.seconds);
-    progress.phase("still", "let it lie still");
-    let (mut shown_s, mut first_c) = (f64::NEG_INFINITY, None);
-    let followed = bench.follow(|reading, nano| {
+    let mut first_c = None;
+    let followed = bench.follow(args.seconds, |reading, nano, progress| {
         if let (false, Some(nano)) = (is_started, nano) {
             nano.control("play")?;
             is_started = true;
         }
         let left_s = watch.push(reading)?;
-        if reading.time_s > shown_s + 0.5 {
-            shown_s = reading.time_s;
-            progress.within(args.seconds - left_s);
-            let [x, y, z] = reading.rate_dps;
-            let warming_c = reading.temperature_c - *first_c.get_or_insert(reading.temperature_c);
-            progress.figures(&format!("{left_s:.0} s to go; {x:.2}, {y:.2}, {z:.2} °/s, {warming_c:+.2} °C"));
-        }
-        Ok(left_s > 0.0)
-    });
-    progress.finish();
-    let followed = followed?;
+        progress.within(args.seconds - left_s);
+        let [x, y, z] = reading.rate_dps;
+        let warming_c = reading.temperature_c - *first_c.get_or_insert(reading.temperature_c);
+        let figures = format!("{left_s:.0} s to go; {x:.2}, {y:.2}, {z:.2} °/s, {warming_c:+.2} °C");
+        Ok(Told { instruction: "let it lie still".to_owned(), figures, is_done: left_s <= 0.0 })
+    })?;
     let result = watch.result()?;
     result.enter(&mut bench.file);
     let measured = described(&result);

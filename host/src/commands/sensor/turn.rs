@@ -1,10 +1,9 @@
 //! `biflag sensor turn`: the gyroscope's scale about an axis, by turns of the hand.
 
 use super::super::options::within;
-use super::bench::{Bench, Common};
+use super::bench::{Bench, Common, Told};
 use super::measured::{Measured, finish, percent};
 use crate::commands::answer::{Answer, WRONG_USE};
-use crate::progress::Progress;
 use serde_json::json;
 use study::plan::Axis;
 use study::sensor::{AXES, TurnPlan, TurnResult, TurnStep, TurnWatch};
@@ -37,12 +36,8 @@ pub struct Args {
 }
 
 fn parse_axis(text: &str) -> Result<Axis, String> {
-    match text {
-        "x" => Ok(Axis::X),
-        "y" => Ok(Axis::Y),
-        "z" => Ok(Axis::Z),
-        _ => Err("give x, y or z".to_owned()),
-    }
+    let axes = AXES.into_iter().zip([Axis::X, Axis::Y, Axis::Z]);
+    axes.into_iter().find_map(|(name, axis)| (name == text).then_some(axis)).ok_or_else(|| "give x, y or z".to_owned())
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -58,11 +53,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         nano.pose(&format!("+{}", AXES[axis]), 2.0)?;
         // It comes into the pose before the first rest.
     }
-    let mut progress = Progress::new(plan.turns as f64);
-    let name = format!("turn {}", AXES[axis]);
-    let mut said = String::new();
-    let mut shown_s = f64::NEG_INFINITY;
-    let followed = bench.follow(|reading, nano| {
+    let followed = bench.follow(plan.turns as f64, |reading, nano, progress| {
         let before = watch.count();
         let step = watch.push(reading)?;
         if watch.count() > before {
@@ -72,18 +63,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             hand.follow(step, watch.count(), nano)?;
         }
         let instruction = instruction(step, &plan, watch.count());
-        if instruction != said {
-            progress.phase(&name, &instruction);
-            said = instruction;
-        }
-        if reading.time_s > shown_s + 0.2 {
-            shown_s = reading.time_s;
-            progress.figures(&figures(step));
-        }
-        Ok(step != TurnStep::Done)
-    });
-    progress.finish();
-    let followed = followed?;
+        Ok(Told { instruction, figures: figures(step), is_done: step == TurnStep::Done })
+    })?;
     let clock_error = followed.clock_error.unwrap_or_else(|| bench.emulated_clock_error());
     let result = watch.result(args.reference, &bench.file, clock_error)?;
     result.enter(axis, &mut bench.file);
