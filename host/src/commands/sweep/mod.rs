@@ -14,7 +14,7 @@ use crate::sweep::{self, Folder, Missing, Shard, SweepError, SweepPlan};
 use crate::text::count;
 use args::{Action, SlurmArgs};
 use miette::{IntoDiagnostic, WrapErr};
-use output::{Failed, ShardStatus, Status, Swept};
+use output::{Failed, Status, Swept};
 use progress::Counter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -49,23 +49,13 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let points = folder.points(shard);
     let counter = Counter::new(&folder.sweep.plan.name, shard, points, &before);
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    let worked = folder.work(shard, &before.done, jobs, &interrupted, &|record| counter.count(record));
+    folder.work(shard, &before.done, jobs, &interrupted, &|record| counter.count(record))?;
     counter.finish();
-    worked?;
     // Other workers may have helped.
     let after = folder.counts(shard)?;
     let (done, failed) = (after.done.count(), after.failed.count());
-    let swept = Swept {
-        table: None,
-        csv: None,
-        cost: None,
-        points,
-        done,
-        missing: points - done,
-        failed,
-        warnings: Vec::new(),
-        notes: folder.sweep.notes(),
-    };
+    let missing = points - done;
+    let swept = Swept { points, done, missing, failed, notes: folder.sweep.notes(), ..Swept::default() };
     if interrupted.load(Ordering::Relaxed) && done < points {
         let text = format!(
             "{}: interrupted after {done} of {}, go on with --resume",
@@ -83,65 +73,50 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
 fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
     let merged = folder.merge(missing)?;
-    let points = folder.sweep.plan.points();
-    // What was lost with a part may have been computed again.
-    let is_whole = merged.done == points;
-    let mut warnings: Vec<_> = merged.damaged.iter().filter(|_| !is_whole).map(|part| damaged(part)).collect();
+    let mut swept = swept(&folder, merged.done, merged.failed, &merged.damaged);
     if merged.different > 0 {
         let points = count(merged.different as usize, "point");
-        warnings.push(format!("{points} computed twice with different results, which is an error: one is kept"));
+        swept.warnings.push(format!("{points} computed twice with different results, which is an error: one is kept"));
     }
-    let swept = Swept {
-        table: Some(shown(&sweep::parquet_path(path))),
-        csv: Some(shown(&sweep::csv_path(path))),
-        cost: Some(shown(&sweep::cost_path(path))),
-        points,
-        done: merged.done,
-        missing: points - merged.done,
-        failed: merged.failed,
-        warnings,
-        notes: folder.sweep.notes().into_iter().chain(not_found(merged.not_found)).collect(),
-    };
+    if merged.not_found > 0 {
+        let points = count(merged.not_found as usize, "point");
+        let what = "of which no steady state was found in `run` seconds: their means are not known (`kind`)";
+        swept.notes.push(format!("{points}, {what}"));
+    }
     swept.answer(path)
 }
 
 fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
     let counts = folder.counts(Shard::ALL)?;
-    let (points, done) = (folder.sweep.plan.points(), counts.done.count());
-    let written = |file: PathBuf| file.exists().then(|| shown(&file));
+    let swept = swept(&folder, counts.done.count(), counts.failed.count(), &counts.parts.damaged);
+    let missing = swept.missing as f64;
+    let time_left_s = if missing == 0.0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing / rate) };
+    let reasons = if failed { Some(folder.reasons()?) } else { None };
+    let reasons = reasons.map(|all| all.into_iter().map(|reason| Failed::new(reason, &folder.sweep)).collect());
+    let shards = shards.map(|of| folder.shards(of.into(), &counts));
+    Status { swept, time_left_s, reasons, shards }.answer(path)
+}
+
+/// Returns how much of a sweep is done, and which of its tables are written.
+fn swept(folder: &Folder, done: u64, failed: u64, damaged: &[PathBuf]) -> Swept {
+    let written = |file: PathBuf| file.exists().then(|| file.display().to_string());
+    let points = folder.sweep.plan.points();
     let missing = points - done;
-    let swept = Swept {
-        table: written(sweep::parquet_path(path)),
-        csv: written(sweep::csv_path(path)),
-        cost: written(sweep::cost_path(path)),
+    // What was lost with a part may have been computed again.
+    let damaged = damaged.iter().filter(|_| missing > 0);
+    let warning = |part: &PathBuf| format!("{}: cut off or damaged, its remaining points are missing", part.display());
+    Swept {
+        table: written(sweep::parquet_path(&folder.path)),
+        csv: written(sweep::csv_path(&folder.path)),
+        cost: written(sweep::cost_path(&folder.path)),
         points,
         done,
         missing,
-        failed: counts.failed.count(),
-        warnings: counts.parts.damaged.iter().filter(|_| missing > 0).map(|part| damaged(part)).collect(),
+        failed,
+        warnings: damaged.map(warning).collect(),
         notes: folder.sweep.notes(),
-    };
-    let time_left_s = if missing == 0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing as f64 / rate) };
-    let reasons = if failed { Some(folder.reasons()?) } else { None };
-    let reasons = reasons.map(|all| all.into_iter().map(|reason| Failed::new(reason, &folder.sweep)).collect());
-    let shards =
-        shards.map(|of| folder.shards(of.into(), &counts).into_iter().zip(1..).map(ShardStatus::from).collect());
-    let status = Status { swept, time_left_s, reasons, shards };
-    Answer::new(Outcome::Done, &status, status.text(path))
-}
-
-fn not_found(points: u64) -> Option<String> {
-    let what = "of which no steady state was found in `run` seconds: their means are not known (`kind`)";
-    (points > 0).then(|| format!("{}, {what}", count(points as usize, "point")))
-}
-
-fn shown(path: &Path) -> String {
-    path.display().to_string()
-}
-
-fn damaged(part: &Path) -> String {
-    format!("{}: cut off or damaged, its remaining points are missing", part.display())
+    }
 }
 
 fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {

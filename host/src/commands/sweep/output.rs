@@ -4,11 +4,12 @@ use super::super::answer::{Answer, Outcome};
 use crate::sweep::{Reason, ShardCounts, Sweep};
 use crate::text::count;
 use serde::Serialize;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Swept {
     /// The table as Parquet; `null` where it was not written, as by a shard.
     pub table: Option<String>,
@@ -26,16 +27,14 @@ pub struct Swept {
     pub notes: Vec<String>,
 }
 
-#[derive(Debug, Serialize)]
 pub struct Status {
-    #[serde(flatten)]
     pub swept: Swept,
     /// Time that the workers at work need for the missing points; `null` if none is at work.
     pub time_left_s: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Why points failed, if it was asked for.
     pub reasons: Option<Vec<Failed>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shards: Option<Vec<ShardStatus>>,
+    /// The progress of each shard, if it was asked for.
+    pub shards: Option<Vec<ShardCounts>>,
 }
 
 /// Why points failed, with one of them.
@@ -49,16 +48,6 @@ pub struct Failed {
     pub values: BTreeMap<String, f64>,
 }
 
-#[derive(Debug, Serialize)]
-pub struct ShardStatus {
-    /// From 1, as in `--shard`.
-    pub shard: u64,
-    pub points: u64,
-    pub done: u64,
-    pub missing: u64,
-    pub failed: u64,
-}
-
 impl Failed {
     pub fn new(reason: Reason, sweep: &Sweep) -> Self {
         let point = sweep.point(reason.index);
@@ -69,17 +58,10 @@ impl Failed {
     }
 }
 
-impl From<(ShardCounts, u64)> for ShardStatus {
-    fn from((counts, shard): (ShardCounts, u64)) -> Self {
-        let ShardCounts { points, done, failed } = counts;
-        Self { shard, points, done, missing: points - done, failed }
-    }
-}
-
 impl Swept {
     pub fn answer(&self, folder: &Path) -> miette::Result<Answer> {
         let is_whole = self.missing == 0 && self.failed == 0 && self.warnings.is_empty();
-        Answer::new(if is_whole { Outcome::Done } else { Outcome::WithLoss }, self, self.text(folder))
+        Answer::new(Outcome::of(is_whole), self, self.text(folder))
     }
 
     fn text(&self, folder: &Path) -> String {
@@ -100,7 +82,21 @@ impl Swept {
 }
 
 impl Status {
-    pub fn text(&self, folder: &Path) -> String {
+    pub fn answer(&self, folder: &Path) -> miette::Result<Answer> {
+        let mut answer =
+            Answer::new(Outcome::Done, &self.swept, self.text(folder))?.with("time_left_s", self.time_left_s);
+        if let Some(reasons) = &self.reasons {
+            answer = answer.with("reasons", reasons);
+        }
+        if let Some(shards) = &self.shards {
+            let one = |(number, ShardCounts { points, done, failed }): (u64, &ShardCounts)| json!({ "shard": number, "points": points, "done": done, "missing": points - done, "failed": failed });
+            // From 1, as in `--shard`.
+            answer = answer.with("shards", (1..).zip(shards).map(one).collect::<Vec<_>>());
+        }
+        Ok(answer)
+    }
+
+    fn text(&self, folder: &Path) -> String {
         let left = match self.time_left_s {
             _ if self.swept.missing == 0 => String::new(),
             Some(seconds) => format!("\ntime left: {}", duration(seconds)),
@@ -113,11 +109,13 @@ impl Status {
             values.iter().for_each(|(key, value)| text += &format!(", {key} {value}"));
         }
         if let Some(shards) = &self.shards {
-            let whole = shards.iter().filter(|shard| shard.missing == 0).count();
+            let whole = shards.iter().filter(|shard| shard.done == shard.points).count();
             let _ = write!(text, "\n{whole} of {} done", count(shards.len(), "shard"));
-            for ShardStatus { shard, points, done, failed, .. } in shards.iter().filter(|shard| shard.missing > 0) {
+            for (number, ShardCounts { points, done, failed }) in
+                (1..).zip(shards).filter(|(_, one)| one.done < one.points)
+            {
                 let points = count(*points as usize, "point");
-                let _ = write!(text, "\nshard {shard}/{}: {done} of {points}, {failed} failed", shards.len());
+                let _ = write!(text, "\nshard {number}/{}: {done} of {points}, {failed} failed", shards.len());
             }
         }
         text
