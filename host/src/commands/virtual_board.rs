@@ -11,13 +11,13 @@ use std::io::Write;
 use tempfile::{NamedTempFile, TempPath};
 
 /// Options of the emulated sensor, for commands with an option `--virtual`.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, PartialEq, Debug, Default)]
 pub(super) struct SensorArgs {
     /// Errors of the emulated sensor and of the board's clock [default: typical]: `typical` draws all that the MPU6050's
     /// data sheet allows; `ideal` has exact scales, axes and clocks, and biases that drift; a file gives each of them.
     /// `help` prints such a file.
     #[arg(long, value_name = "ideal|typical|FILE.toml", requires = "virtual")]
-    sensor: Option<String>,
+    pub sensor: Option<String>,
     /// Seed of the errors of the emulated sensor: the same seed is the same part, in every trial and command. By default
     /// the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
@@ -25,24 +25,9 @@ pub(super) struct SensorArgs {
 }
 
 impl SensorArgs {
-    /// Returns whether neither errors nor seed were given.
-    pub(super) fn is_default(&self) -> bool {
-        self.sensor.is_none() && self.seed.is_none()
-    }
-
     /// Returns the seed; `seed_of_plan` is used if none was given.
     pub(super) fn seed(&self, seed_of_plan: Option<u64>) -> u64 {
         self.seed.or(seed_of_plan).unwrap_or(1)
-    }
-
-    /// Returns whether the errors were chosen.
-    pub(super) fn is_chosen(&self) -> bool {
-        self.sensor.is_some()
-    }
-
-    /// Returns whether a file with all errors was asked for, which [`show_sensor`] prints.
-    pub(super) fn asks_for_help(&self) -> bool {
-        self.sensor.as_deref() == Some("help")
     }
 
     /// Returns the arguments for the board's program.
@@ -105,22 +90,14 @@ pub(super) fn temporary(text: &str) -> miette::Result<TempPath> {
     written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
 }
 
-/// Returns the answer to `--fault help` or `--sensor help`, if one of them was asked for.
-pub(super) fn help(faults: &[String], sensor: &SensorArgs) -> Option<miette::Result<Answer>> {
-    if faults.iter().any(|fault| fault == "help") {
-        return Some(list_faults());
+/// Returns the answer to `--fault help`, the faults that the emulated board knows, or to `--sensor help`, a file with all errors
+/// of its sensor, if one of them was asked for.
+pub(super) fn help(faults: &[String], sensor: Option<&SensorArgs>) -> Option<miette::Result<Answer>> {
+    let is_help = |value: &String| value == "help";
+    if faults.iter().any(is_help) {
+        return Some(help_of("--fault", "faults"));
     }
-    sensor.asks_for_help().then(show_sensor)
-}
-
-/// Lists the faults that the emulated board knows.
-pub(super) fn list_faults() -> miette::Result<Answer> {
-    help_of("--fault", "faults")
-}
-
-/// Shows a file with all errors of the emulated sensor.
-pub(super) fn show_sensor() -> miette::Result<Answer> {
-    help_of("--sensor", "sensor")
+    sensor?.sensor.as_ref().is_some_and(is_help).then(|| help_of("--sensor", "sensor"))
 }
 
 /// Returns what the board's program says about the values of an option, under a key.

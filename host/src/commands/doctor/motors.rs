@@ -35,8 +35,8 @@ const DIRECTION_PINS: [&str; 2] = ["D5", "D4"];
 const WAY_PINS: [[&str; 2]; 2] = [["AIN1 (D8)", "AIN2 (D7)"], ["BIN1 (D10)", "BIN2 (D12)"]];
 
 pub(super) fn run(args: &Args) -> miette::Result<Answer> {
-    if args.faults.iter().any(|fault| fault == "help") {
-        return virtual_board::list_faults();
+    if let Some(answer) = virtual_board::help(&args.faults, None) {
+        return answer;
     }
     let interrupted = interruption()?;
     let nano = match args.r#virtual {

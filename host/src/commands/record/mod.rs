@@ -109,7 +109,7 @@ struct Recorded {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    if let Some(answer) = virtual_board::help(&args.faults, &args.sensor) {
+    if let Some(answer) = virtual_board::help(&args.faults, Some(&args.sensor)) {
         return answer;
     }
     let interrupted = interruption()?;
@@ -258,7 +258,7 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
 fn complete(args: &Args, plan: &Plan, folder: &Path) -> miette::Result<Option<Answer>> {
     // What is asked of the board besides is checked against the session's.
     let is_plain = args.faults.is_empty()
-        && args.sensor.is_default()
+        && args.sensor == SensorArgs::default()
         && args.live.is_none()
         && !args.open
         && args.speed == "max"
@@ -472,7 +472,7 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
     arguments.extend(args.sensor.arguments(plan.seed));
     let robot_file;
     match imu {
-        Some(imu) if args.sensor.is_chosen() => {
+        Some(imu) if args.sensor.sensor.is_some() => {
             let imu = imu.display();
             return Err(miette::miette!(code = WRONG_USE, "{imu} has its own sensor's errors: leave out --sensor"));
         }

@@ -21,7 +21,7 @@ use output::Steered;
 use study::steer::{Held, RATE_HZ, Steering};
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    if let Some(answer) = virtual_board::help(&args.faults, &args.sensor) {
+    if let Some(answer) = virtual_board::help(&args.faults, Some(&args.sensor)) {
         return answer;
     }
     let interrupted = interruption()?;
