@@ -8,7 +8,7 @@ use crate::plan::robot;
 use crate::progress::Progress;
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
-use serde::Serialize;
+use serde_json::json;
 use sim::steady::Kind;
 use sim::steady::phase::Ratio;
 use sim::step::InversesAtRest;
@@ -57,22 +57,6 @@ pub struct Args {
     out: Option<PathBuf>,
 }
 
-#[derive(Serialize)]
-struct Printed<'a> {
-    robot: &'a str,
-    wanted: Vec<Wanted>,
-    #[serde(flatten)]
-    aimed: &'a Aimed,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    plan: Option<String>,
-}
-
-#[derive(Serialize)]
-struct Wanted {
-    quantity: Quantity,
-    value: f64,
-}
-
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let target = target(args)?;
     if let Some(out) = &args.out {
@@ -105,23 +89,25 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     progress.finish();
     let aimed = match aimed {
         Err(AimError::Interrupted) => {
-            return Answer::new(Outcome::Interrupted, &serde_json::json!({ "interrupted": true }), "interrupted");
+            return Answer::new(Outcome::Interrupted, &json!({ "interrupted": true }), "interrupted");
         }
         aimed => aimed?,
     };
     let mut text = describe(&file.name, &target, &aimed, args.longest_s);
-    let plan = match &args.out {
-        Some(out) if aimed.reachable => {
-            output::write_new(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
-            let _ = write!(text, "\nplan {}", out.display());
-            Some(out.display().to_string())
-        }
-        _ => None,
-    };
+    let plan = args.out.as_deref().filter(|_| aimed.reachable);
+    if let Some(out) = plan {
+        output::write_new(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
+        let _ = write!(text, "\nplan {}", out.display());
+    }
     let is_sound = aimed.reachable && aimed.is_complete() && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
-    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
-    let wanted = target.wanted.iter().map(|&(quantity, value)| Wanted { quantity, value }).collect();
-    Answer::new(outcome, &Printed { robot: &file.name, wanted, aimed: &aimed, plan }, text)
+    let wanted = target.wanted.iter().map(|(quantity, value)| json!({ "quantity": quantity, "value": value }));
+    let answer = Answer::new(Outcome::of(is_sound), &aimed, text)?
+        .with("robot", &file.name)
+        .with("wanted", wanted.collect::<Vec<_>>());
+    Ok(match plan {
+        Some(out) => answer.with("plan", out.display().to_string()),
+        None => answer,
+    })
 }
 
 /// Returns what the user asks for.

@@ -9,7 +9,7 @@ use crate::run::rig::{RecordError, park};
 use crate::signals::interruption;
 use protocol::Command;
 use protocol::units::{CentiRpm, EncoderCounts};
-use serde::Serialize;
+use serde_json::json;
 use std::sync::atomic::AtomicBool;
 
 /// Speed of a flagellum between two keys.
@@ -43,17 +43,6 @@ pub struct Args {
     /// Align the emulated board.
     #[arg(long = "virtual")]
     r#virtual: bool,
-}
-
-#[derive(Debug, Serialize)]
-struct Aligned {
-    port: String,
-    /// Whether the angles were marked as 0.
-    aligned: bool,
-    /// Whether the board knows its angles.
-    angles_known: bool,
-    /// How far the keys and the hand turned each flagellum, degrees.
-    turned_deg: [f64; 2],
 }
 
 /// What a key asks for.
@@ -90,8 +79,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (false, true) => "not aligned; the board knows its angles from before",
         (false, false) => "not aligned; the board does not know the angles of its flagella",
     };
-    let aligned = Aligned { port, aligned, angles_known: info.angles_known, turned_deg };
-    Answer::new(outcome, &aligned, text)
+    let body = json!({ "port": port, "aligned": aligned, "angles_known": info.angles_known, "turned_deg": turned_deg });
+    Answer::new(outcome, &body, text)
 }
 
 /// Follows the keys. Returns whether the angles were marked, and how far each flagellum turned before, degrees.

@@ -11,7 +11,6 @@ use crate::trial::LogFinding;
 use crate::twin;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use rayon::prelude::*;
-use serde::Serialize;
 use sim::body::closure::Closure;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -50,14 +49,6 @@ pub struct Args {
     jobs: Option<u16>,
 }
 
-#[derive(Serialize)]
-struct Calibrated<'a> {
-    #[serde(flatten)]
-    calibration: &'a Calibration,
-    #[serde(serialize_with = "crate::text::path")]
-    robot: &'a Path,
-}
-
 /// Number of rounds of a typical fit, to estimate the remaining time.
 const USUAL_ROUNDS: usize = 8;
 
@@ -73,10 +64,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             parameters.push(*parameter);
         }
     }
-    let robot = match &args.robot {
-        Some(path) => Some(robot::load(path)?.parse()?),
-        None => None,
-    };
+    let robot = args.robot.as_deref().map(robot::load).transpose()?.map(|file| file.parse()).transpose()?;
     let (mut logs, mut left_out) = (Vec::new(), Vec::new());
     for path in &args.logs {
         let (of_path, without_trial) = twin::logs(path)?;
@@ -98,16 +86,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         true
     };
     let trials: Vec<_> = logs.par_iter().map(FitTrial::read).collect::<Result<_, _>>()?;
-    let fitted = calibrate::calibrate(trials, &request, &simulated);
+    let mut calibration = calibrate::calibrate(trials, &request, &simulated)?;
     progress.finish();
-    let mut calibration = fitted?;
     calibration.findings.extend(left_out);
 
     output::write_new(&args.out, &calibrate::to_toml(&calibration))?;
     let is_good = calibration.is_sound() && are_slight(&calibration.findings);
-    let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&calibration, &args.out);
-    Answer::new(outcome, &Calibrated { calibration: &calibration, robot: &args.out }, text)
+    Ok(Answer::new(Outcome::of(is_good), &calibration, text)?.with("robot", args.out.to_string_lossy()))
 }
 
 fn describe(calibration: &Calibration, out: &Path) -> String {

@@ -87,5 +87,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let _ = writeln!(text, "warning: {log}: cut off or damaged; only what can be read was exported");
     }
     text += lines_of_logs(&exported.findings).trim_start();
-    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(is_sound), &body, text)
 }

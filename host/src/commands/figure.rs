@@ -205,5 +205,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         colour::eprint(&printable(&format!("{}\n", said.trim_start())));
     }
     let body = json!({ "files": [file], "findings": remarks.findings, "warnings": remarks.warnings });
-    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, file.to_string())
+    Answer::new(Outcome::of(is_sound), &body, file.to_string())
 }

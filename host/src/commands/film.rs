@@ -38,9 +38,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let film = film::write(&args.log, &args.output, &options, &|drawn, all| match drawn {
         0 => progress.phase("film", "frames"),
         drawn => progress.within(drawn as f64 / all as f64),
-    });
+    })?;
     progress.finish();
-    let film = film?;
     let file = args.output.to_string_lossy();
     let shapes = if film.has_shapes { "" } else { "; the log has no shapes, so the helices are rigid" };
     let text =
@@ -52,5 +51,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "shapes": film.has_shapes,
         "findings": film.findings,
     });
-    Answer::new(if are_slight(&film.findings) { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(are_slight(&film.findings)), &body, text)
 }

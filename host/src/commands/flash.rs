@@ -7,7 +7,7 @@ use crate::link::{self, Link};
 use crate::run::rig::{self, Image, VirtualNano, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use miette::miette;
-use serde::Serialize;
+use serde_json::json;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -26,14 +26,6 @@ pub struct Args {
     /// Write this ELF image instead of the firmware inside biflag.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
-}
-
-#[derive(Debug, Serialize)]
-struct Flashed {
-    port: String,
-    baud: u32,
-    firmware: String,
-    protocol: u8,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -66,8 +58,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         ));
     }
     let text = format!("{port} runs firmware {running}, protocol {}, written at {baud} bit/s to {chip}", info.protocol);
-    let flashed = Flashed { port, baud, firmware: running, protocol: info.protocol };
-    Answer::new(Outcome::Done, &flashed, text)
+    let body = json!({ "port": port, "baud": baud, "firmware": running, "protocol": info.protocol });
+    Answer::new(Outcome::Done, &body, text)
 }
 
 fn spinner() -> ProgressBar {

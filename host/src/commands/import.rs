@@ -149,5 +149,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         args.trial.as_ref().map_or_else(String::new, |trial| format!("{} ", quoted(&trial.to_string_lossy()))),
         quoted(&log)
     ));
-    Answer::new(if are_slight(&findings) { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(are_slight(&findings)), &body, text)
 }

@@ -62,7 +62,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "steady": records.steady,
     });
     let is_sound = clean && !findings.iter().any(|finding| finding.grave);
-    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
+    let outcome = Outcome::of(is_sound);
     // A log that is being recorded has no end yet.
     let is_open = data.condition == Condition::CutOff && is_being_recorded(path);
     let mut text = describe(path, &data, &zeroed, is_open);
@@ -266,7 +266,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     });
     let is_sound = |row: &Row| row.state.left_out.is_empty() && !row.findings.iter().any(|finding| finding.grave);
     let is_sound = clean && rows.iter().all(is_sound);
-    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(is_sound), &body, text)
 }
 
 /// A trial of a session after reading its complete log.

@@ -5,8 +5,6 @@ use super::options::written_as;
 use crate::output::{self, OutputError};
 use crate::plan::{EXAMPLE, Plan};
 use crate::preview::Preview;
-use miette::IntoDiagnostic;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Write a commented plan to begin with.
@@ -33,10 +31,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         written => written?,
     }
     let preview = Preview::of(&Plan::load(&args.file)?, false);
-    let mut body = serde_json::to_value(&preview).into_diagnostic()?;
-    if let Some(body) = body.as_object_mut() {
-        body.insert("file".to_owned(), json!(args.file.to_string_lossy()));
-    }
     let text = format!("{path}: {}\nchange it, then: biflag plan check {path}; biflag record {path}", preview.amount());
-    Answer::new(Outcome::Done, &body, text)
+    Ok(Answer::new(Outcome::Done, &preview, text)?.with("file", args.file.to_string_lossy()))
 }

@@ -40,10 +40,7 @@ fn license(text: &str) -> Result<String, String> {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let session = Session::open(&args.session)?;
     let folder = full_path(&args.session).unwrap_or_else(|_| args.session.clone());
-    let out = match &args.output {
-        Some(out) => out.clone(),
-        None => folder.with_added_extension("zip"),
-    };
+    let out = args.output.clone().unwrap_or_else(|| folder.with_added_extension("zip"));
     if out.parent().and_then(|parent| full_path(parent).ok()).is_some_and(|parent| parent == folder) {
         return Err(miette::miette!(
             code = WRONG_USE,
@@ -57,9 +54,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         license: args.license.clone().unwrap_or_default(),
     };
     let progress = Progress::new(0.0);
-    let packed = pack(&args.session, &out, &about, &progress);
+    let packed = pack(&args.session, &out, &about, &progress)?;
     progress.finish();
-    let packed = packed?;
     let mut text = format!(
         "{}: {}, {:.1} MB",
         out.display(),
@@ -75,9 +71,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "findings": packed.findings,
         "notes": packed.notes,
     });
-    Answer::new(
-        if packed.is_sound && are_slight(&packed.findings) { Outcome::Done } else { Outcome::WithLoss },
-        &body,
-        text,
-    )
+    Answer::new(Outcome::of(packed.is_sound && are_slight(&packed.findings)), &body, text)
 }

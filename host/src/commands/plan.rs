@@ -39,5 +39,5 @@ pub(super) fn preview(plan: &Plan) -> miette::Result<Answer> {
     }
     preview.findings.iter().for_each(|finding| text += &format!("\n{}", finding_line(None, finding)));
     let is_sound = !preview.findings.iter().any(|finding| finding.grave);
-    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &preview, text)
+    Answer::new(Outcome::of(is_sound), &preview, text)
 }

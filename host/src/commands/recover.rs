@@ -61,7 +61,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     for reason in &unreadable {
         let _ = writeln!(text, "  not used: {reason}");
     }
-    Answer::new(if unreadable.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(unreadable.is_empty()), &body, text)
 }
 
 /// Returns the folder of a log. A link to a log is followed, because its target is what may be recorded.
@@ -97,5 +97,5 @@ fn log(args: &Args) -> miette::Result<Answer> {
     if recovery.strays > 0 {
         let _ = writeln!(text, "  lost: {} messages of unknown channels", recovery.strays);
     }
-    Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(Outcome::of(clean), &body, text)
 }

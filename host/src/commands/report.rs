@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
     };
     let is_sound = written.warnings == 0 && are_slight(&written.findings);
-    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
+    let outcome = Outcome::of(is_sound);
     let notes = written.findings.iter().filter(|of_log| !of_log.finding.grave).count();
     let counts = [(written.warnings, "warning"), (notes, "note")].into_iter().filter(|(number, _)| *number > 0);
     let with: String = counts.map(|(number, what)| format!(", {}", text::count(number, what))).collect();

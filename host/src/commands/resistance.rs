@@ -3,7 +3,7 @@
 use super::answer::{Answer, Outcome, WRONG_USE};
 use super::options::pair;
 use crate::plan::robot;
-use serde::Serialize;
+use serde_json::json;
 use sim::params::Robot;
 use sim::resistance::{Resistance, parts, resistance};
 use std::f64::consts::PI;
@@ -35,15 +35,6 @@ fn phase(text: &str) -> Result<[f64; 2], String> {
     pair(text, "give two angles in degrees, such as 0,90", one)
 }
 
-#[derive(Serialize)]
-struct Printed<'a> {
-    robot: &'a str,
-    phase_deg: [f64; 2],
-    parts: Vec<String>,
-    matrix: Vec<Vec<f64>>,
-    reciprocity_error: f64,
-}
-
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
@@ -54,8 +45,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let matrix: Vec<Vec<f64>> = found.matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
     let parts = parts(phase_deg.len());
     let text = describe(&file.name, &robot, phase_deg, &parts, &found);
-    let reciprocity_error = found.reciprocity_error;
-    Answer::new(Outcome::Done, &Printed { robot: &file.name, phase_deg, parts, matrix, reciprocity_error }, text)
+    let body = json!({
+        "robot": file.name,
+        "phase_deg": phase_deg,
+        "parts": parts,
+        "matrix": matrix,
+        "reciprocity_error": found.reciprocity_error,
+    });
+    Answer::new(Outcome::Done, &body, text)
 }
 
 fn describe(name: &str, robot: &Robot, phase_deg: [f64; 2], parts: &[String], found: &Resistance) -> String {

@@ -15,16 +15,13 @@ use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{ImageError, VirtualError, VirtualNano, repository};
 use check::{Check, Finding, answer, check, problem};
-use serde_json::json;
 use std::path::Path;
 use std::process::Command;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(folder) = &args.session {
         let (checks, findings) = session::checks(folder)?;
-        let mut answer = answer(checks, Outcome::WithLoss)?;
-        answer.json["findings"] = json!(findings);
-        return Ok(answer);
+        return Ok(answer(checks, Outcome::WithLoss)?.with("findings", findings));
     }
     if args.motors {
         return motors::run(args);

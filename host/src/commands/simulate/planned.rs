@@ -49,9 +49,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let work = |trial| Ok(Job { trial, course: Course::planned(trial)?, model: &model, plan: session.plan() });
     let work: Vec<_> = todo.into_iter().map(work).collect::<Result<_, ModelError>>()?;
     let batch = Batch::new(&session, &progress, &interrupted);
-    let runs = batch.run(&work, jobs, &|run| SimulatedTrial::from(run).to_string());
+    let runs = batch.run(&work, jobs, &|run| SimulatedTrial::from(run).to_string())?;
     progress.finish();
-    let runs = runs?;
 
     let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.values.get(&SIMULATED))).sum();
     let (real_time_factor, speed) = real_time(begun, simulated_s);

@@ -10,20 +10,11 @@ use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::text;
 use crate::trial::{LogFinding, Want};
-use crate::twin::{self, Replayed, Replays, Skipped, Source};
-use serde::Serialize;
+use crate::twin::{self, Replayed, Replays, Source};
 use sim::trial::Options;
 use sim::trial::quantity::SIMULATED;
 use std::path::Path;
 use std::time::Instant;
-
-#[derive(Serialize)]
-struct ReplayedSession {
-    #[serde(flatten)]
-    simulated: Simulated,
-    skipped: Vec<Skipped>,
-    findings: Vec<LogFinding>,
-}
 
 /// Returns the findings about the recordings, also those that belong to no trial.
 fn findings(replays: &Replays<()>) -> Vec<LogFinding> {
@@ -83,5 +74,5 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     };
     let trials = replayed().map(row).collect();
     let simulated = Simulated { session: folder, real_time_factor, trials, notes };
-    Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, findings }, lines)
+    Ok(Answer::new(outcome, &simulated, lines)?.with("skipped", replays.skipped).with("findings", findings))
 }
