@@ -7,6 +7,7 @@
 mod error;
 pub mod figure;
 pub mod film;
+mod points;
 pub mod report;
 mod swept;
 mod ticks;

@@ -75,15 +75,11 @@ impl Subject<'_> {
     }
 }
 
-/// Whether trials of different robots, closures or speeds are drawn together.
-fn on_mismatch(anyway: bool) -> OnMismatch {
-    if anyway { OnMismatch::Warn } else { OnMismatch::Reject }
-}
-
-/// The same for two sessions: replays with another robot were asked for.
+/// Returns whether two sessions of different robots, closures or speeds are drawn together: replays with another robot were asked
+/// for.
 fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, PageError> {
     let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
-    Ok(if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) })
+    Ok(OnMismatch::of(are_replays, anyway))
 }
 
 /// A figure that was drawn.
@@ -151,8 +147,7 @@ pub fn trial(
             let other = other.log()?.read(Want { hash: true, ..Want::default() })?;
             logs.push(Provenance::log(&other.data));
             // The user may have replayed the trial with another robot.
-            let is_replay = twin::is_replay_of(&other.data, &own.data);
-            let on_mismatch = if is_replay { OnMismatch::Accept } else { on_mismatch(anyway) };
+            let on_mismatch = OnMismatch::of(twin::is_replay_of(&other.data, &own.data), anyway);
             Some(twin::compare(&own, &other, on_mismatch)?)
         }
         None => None,

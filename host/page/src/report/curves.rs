@@ -8,6 +8,7 @@ use super::ribbon;
 use super::shapes;
 use super::table::{Column, fitted, single, times};
 use super::text::clip;
+use crate::points::points;
 use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};
 use sim::contact::bundling::Bundling;
@@ -16,7 +17,7 @@ use sim::trial::quantity::{CONTACT, FORCE, MIN_GAP, Quantity, WINDING};
 use std::ops::Range;
 use study::attitude::Columns;
 use study::trial::{Data, Event, LinkSecond, Shapes, Zeroed};
-use study::twin::Compared;
+use study::twin::{Compared, Point};
 
 /// The most bars of the link's chart.
 const MAX_BARS: usize = 400;
@@ -50,8 +51,6 @@ const ATTITUDE: [Column; 13] = [
     ranged("error_pitch"),
     ranged("error_roll"),
 ];
-
-const UNCERTAINTY: usize = 3;
 
 /// Forces of both flagella on the base in body axes (mN), the least gap of their surfaces (mm), the turns by which they
 /// are wound around each other, and whether they touch (0 or 1).
@@ -109,10 +108,7 @@ impl Curves {
             }
             _ => 0.0,
         };
-        let attitude = match compared {
-            Some(compared) => both(compared, data),
-            None => alone(zeroed, data),
-        };
+        let attitude = attitude(&points(zeroed, &zeroed.angles_deg, compared), data);
         let forces = forces(forces_of, shift_s(forces_of));
         // Without forces, the attitude gets their share.
         let shares = if forces.is_empty() { [70, 0] } else { [50, 20] };
@@ -151,7 +147,7 @@ impl Curves {
             has_forces: forces.is_some(),
             has_tank: !robots[0]["tank"].is_null(),
             shapes_per_s: robots[0]["shapes"]["per_s"].as_f64().unwrap_or(0.0),
-            has_uncertainty: attitude.samples.values[UNCERTAINTY].iter().any(|value| value.is_finite()),
+            has_uncertainty: !page["attitude"]["uncertainty"].is_null(),
         };
         page["robots"] = robots.into();
         (page, curves)
@@ -207,40 +203,15 @@ fn forces(data: &Data, shift_s: f64) -> Columns<9> {
     table
 }
 
-/// The measured angles of the comparison, those of the model, and the truth.
-fn both(compared: &Compared, data: &Data) -> Columns<13> {
-    let start = compared.comparison.run_start_s[0];
+/// Returns the columns of [`ATTITUDE`].
+fn attitude(points: &[(f64, Point)], data: &Data) -> Columns<13> {
     let truth = truth(data);
     let mut table = Columns::default();
-    for point in &compared.points {
-        let time = point.time_s + start;
-        let [yaw, pitch, roll] = point.measured_deg;
-        let uncertainty = if point.yaw_uncertainty_deg > 0.0 { point.yaw_uncertainty_deg } else { f64::NAN };
-        let [model_yaw, model_pitch, model_roll] = point.modelled_deg;
-        let [true_yaw, true_pitch, true_roll] = truth.at(time);
-        let [error_yaw, error_pitch, error_roll] = [model_yaw - yaw, model_pitch - pitch, model_roll - roll];
-        let row = [
-            [yaw, pitch, roll, uncertainty].as_slice(),
-            &[model_yaw, model_pitch, model_roll, true_yaw, true_pitch, true_roll, error_yaw, error_pitch, error_roll],
-        ]
-        .concat();
-        table.push(time, std::array::from_fn(|k| row[k]));
-    }
-    table
-}
-
-/// The angles of a log that is not compared.
-fn alone(zeroed: &Zeroed, data: &Data) -> Columns<13> {
-    let truth = truth(data);
-    let mut table = Columns::default();
-    for (i, time) in zeroed.angles_deg.time_s.iter().enumerate() {
-        let [yaw, pitch, roll] = zeroed.angles_deg.row(i);
-        let uncertainty = zeroed.yaw_uncertainty(*time).filter(|deg| *deg > 0.0).unwrap_or(f64::NAN);
-        let [true_yaw, true_pitch, true_roll] = truth.at(*time);
-        let mut row = [f64::NAN; 13];
-        row[..4].copy_from_slice(&[yaw, pitch, roll, uncertainty]);
-        row[7..10].copy_from_slice(&[true_yaw, true_pitch, true_roll]);
-        table.push(*time, row);
+    for (time_s, Point { measured_deg, modelled_deg, yaw_uncertainty_deg, .. }) in points {
+        let uncertainty = if *yaw_uncertainty_deg > 0.0 { *yaw_uncertainty_deg } else { f64::NAN };
+        let errors = [0, 1, 2].map(|k| modelled_deg[k] - measured_deg[k]);
+        let row = [&measured_deg[..], &[uncertainty], modelled_deg, &truth.at(*time_s), &errors].concat();
+        table.push(*time_s, std::array::from_fn(|k| row[k]));
     }
     table
 }
