@@ -7,7 +7,7 @@
 use sim::steady::Kind as Motion;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use study::export::table::{self, Table, Values};
+use study::export::table::{Table, Values};
 use study::sweep;
 
 /// The first column of results; all numbers before it may be inputs.
@@ -26,7 +26,6 @@ pub(crate) struct Column {
     pub name: String,
     unit: String,
     pub about: String,
-    kind: Kind,
     pub values: Vec<f64>,
 }
 
@@ -55,32 +54,6 @@ fn without_unit(name: &str) -> &str {
 
 /// The kinds of motions, from the steadiest. Pages and figures read the index.
 pub(crate) const MOTIONS: [Motion; 4] = [Motion::Steady, Motion::Beating, Motion::NotFound, Motion::Overturned];
-
-/// What a column before the results is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Kind {
-    Speed,
-    /// A key of the robot's file that varies.
-    Key,
-    /// A group over that of the robot `published`.
-    Group,
-    Other,
-}
-
-impl Kind {
-    fn of(column: &table::Column) -> Self {
-        let name = column.name.as_ref();
-        if column.about == sweep::VARIES {
-            Self::Key
-        } else if name == "w1_rpm" || name == "w2_rpm" {
-            Self::Speed
-        } else if name.starts_with("group_") && name.ends_with("_relative") {
-            Self::Group
-        } else {
-            Self::Other
-        }
-    }
-}
 
 /// Returns the table of a sweep: the file itself, or that in the folder of a sweep; `None` for anything else.
 pub(crate) fn table_of(path: &Path) -> Option<PathBuf> {
@@ -243,10 +216,16 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
         let point = |i: usize| chosen.iter().map(|k| (columns[*k].values[i] as f32).to_bits()).collect::<Vec<_>>();
         (0..rows).map(point).collect::<HashSet<_>>().len()
     };
-    let varying = |kind: Kind| (0..columns.len()).filter(move |k| columns[*k].kind == kind && distinct(&[*k]) > 1);
-    // Where a key varies, the groups follow from it.
-    let of_robot = if varying(Kind::Key).next().is_some() { Kind::Key } else { Kind::Group };
-    let mut chosen: Vec<usize> = varying(Kind::Speed).chain(varying(of_robot)).collect();
+    let varying = |is: fn(&Column) -> bool| -> Vec<usize> {
+        (0..columns.len()).filter(|k| is(&columns[*k]) && distinct(&[*k]) > 1).collect()
+    };
+    // A key of the robot's file that varies may be a speed, too.
+    let is_key = |column: &Column| column.about == sweep::VARIES;
+    let speeds = varying(|column| column.about != sweep::VARIES && ["w1_rpm", "w2_rpm"].contains(&&*column.name));
+    let keys = varying(is_key);
+    // Where a key varies, the groups follow from it. A group is over that of the robot `published`.
+    let groups = || varying(|column| column.name.starts_with("group_") && column.name.ends_with("_relative"));
+    let mut chosen = [speeds, if keys.is_empty() { groups() } else { keys }].concat();
     let mut told = distinct(&chosen).max(1);
     for k in 0..columns.len() {
         let with: Vec<usize> = chosen.iter().copied().chain([k]).collect();
@@ -263,7 +242,6 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
 fn numeric(table: Table) -> Vec<Column> {
     let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
     let columns = table.columns.into_iter().map(|column| Column {
-        kind: Kind::of(&column),
         values: column.values.numbers().into_iter().map(finite).collect(),
         name: column.name.into_owned(),
         unit: column.unit.into_owned(),

@@ -5,7 +5,6 @@ use super::findings::{are_slight, lines_of_logs};
 use super::options::{span, within};
 use crate::film::{self, Options};
 use crate::progress::Progress;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Write a film of a trial as an animated GIF or a WebM video: the moving robot over its yaw.
@@ -44,12 +43,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let shapes = if film.has_shapes { "" } else { "; the log has no shapes, so the helices are rigid" };
     let text =
         format!("{file}: {} frames, {:.1} s{shapes}{}", film.frames, film.duration_s, lines_of_logs(&film.findings));
-    let body = json!({
-        "file": file,
-        "frames": film.frames,
-        "duration_s": film.duration_s,
-        "shapes": film.has_shapes,
-        "findings": film.findings,
-    });
-    Answer::new(Outcome::of(are_slight(&film.findings)), &body, text)
+    Ok(Answer::new(Outcome::of(are_slight(&film.findings)), &film, text)?.with("file", file))
 }

@@ -6,7 +6,6 @@ use super::options::{cores, written_as};
 use crate::report::{self, Kind, View};
 use crate::text;
 use crate::twin::{self, OnMismatch, Pairs};
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Write an HTML page about a log, a session or a sweep's table: charts, a 3-D view of the robot, results, maps.
@@ -46,19 +45,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
     };
     let is_sound = written.warnings == 0 && are_slight(&written.findings);
-    let outcome = Outcome::of(is_sound);
     let notes = written.findings.iter().filter(|of_log| !of_log.finding.grave).count();
     let counts = [(written.warnings, "warning"), (notes, "note")].into_iter().filter(|(number, _)| *number > 0);
     let with: String = counts.map(|(number, what)| format!(", {}", text::count(number, what))).collect();
     let text = format!("{}: {:.1} MB{with}", written.html.display(), written.bytes as f64 * 1e-6)
         + &lines_of_logs(&written.findings);
-    let body = json!({
-        "html": written.html.to_string_lossy(),
-        "bytes": written.bytes,
-        "trials": written.trials,
-        "warnings": written.warnings,
-        "notes": notes,
-        "findings": written.findings,
-    });
-    Answer::new(outcome, &body, text)
+    Ok(Answer::new(Outcome::of(is_sound), &written, text)?.with("notes", notes))
 }

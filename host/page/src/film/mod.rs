@@ -16,6 +16,7 @@ use crate::PageError;
 use rayon::prelude::*;
 use render::Rgb;
 use scene::Scene;
+use serde::Serialize;
 use std::io::{self, ErrorKind};
 use std::ops::Range;
 use std::path::Path;
@@ -44,13 +45,14 @@ pub struct Options {
 }
 
 /// A written film.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Film {
     /// Number of frames.
     pub frames: usize,
     /// Duration of the film, s.
     pub duration_s: f64,
     /// Whether the shapes of the flagella are in the log; otherwise rigid helices turn with the motors.
+    #[serde(rename = "shapes")]
     pub has_shapes: bool,
     /// Findings about the log.
     pub findings: Vec<LogFinding>,

@@ -39,20 +39,8 @@ fn start([width, height]: [u16; 2], file: &File) -> io::Result<Child> {
     Command::new(ENCODER)
         .args(["-loglevel", "error", "-f", "rawvideo", "-pixel_format", "rgb24", "-framerate", &rate])
         .args(["-video_size", &format!("{width}x{height}"), "-i", "pipe:0"])
-        .args([
-            "-c:v",
-            "libvpx-vp9",
-            "-pix_fmt",
-            "yuv420p",
-            "-b:v",
-            "0",
-            "-crf",
-            QUALITY,
-            "-row-mt",
-            "1",
-            "-cpu-used",
-            "4",
-        ])
+        .args("-c:v libvpx-vp9 -pix_fmt yuv420p -b:v 0 -row-mt 1 -cpu-used 4".split(' '))
+        .args(["-crf", QUALITY])
         .args(["-f", "webm", "-y", &format!("file:{}", output_path(file)?.display())])
         .stdin(Stdio::piped())
         .stdout(file.try_clone()?)

@@ -1,5 +1,6 @@
 //! The errors of a comparison by angle, with what limits them.
 
+use super::scroll::scrolled;
 use super::text::{degrees, number};
 use maud::{Markup, html};
 use study::text::{signed, word};
@@ -10,16 +11,11 @@ pub(super) fn table(comparison: &Comparison) -> Markup {
     html! {
         details {
             summary { "Errors and their uncertainty" }
-            div.scroll tabindex="0" role="region" aria-label="Errors and their uncertainty" {
-                table.facts {
-                    thead { tr {
-                        @for name in ["", "Steady error", "± 95 %", "of it noise", "of it sensor", "Model’s own error", "Limited by", "RMS over the run", "Transient", "allowed"] {
-                            th scope="col" { (name) }
-                        }
-                    } }
-                    tbody { @for angle in comparison.angles() { (line(angle)) } }
-                }
-            }
+            (scrolled(
+                "Errors and their uncertainty",
+                &["", "Steady error", "± 95 %", "of it noise", "of it sensor", "Model’s own error", "Limited by", "RMS over the run", "Transient", "allowed"],
+                &html! { @for angle in comparison.angles() { (line(angle)) } },
+            ))
             p.meta.small {
                 "The ± is the smallest difference that the trials could show. Transient: root mean square of the error before \
                  the steady end of the run, without what the steady error explains; allowed is what 95 of 100 equal trials stay \

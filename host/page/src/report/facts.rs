@@ -14,7 +14,7 @@ const LONGEST_FILE: usize = 20_000;
 
 pub(super) fn facts(view: &View, shared: bool) -> Markup {
     html! {
-        @if !view.budget.is_empty() { (budget(view)) }
+        @if let Some(angles) = view.angles.as_ref().filter(|angles| !angles.budget.is_empty()) { (budget(&angles.budget)) }
         details {
             summary { "Provenance" }
             table.facts { @for (name, value) in provenance(view) { tr { th { (name) } td { (value) } } } }
@@ -24,14 +24,14 @@ pub(super) fn facts(view: &View, shared: bool) -> Markup {
 }
 
 /// The causes of uncertainty of the steady angles.
-fn budget(view: &View) -> Markup {
+fn budget(terms: &[AngleTerm]) -> Markup {
     let percent = |share: f64| format!("{} %", number(100.0 * share, 0));
     html! {
         details {
             summary { "Uncertainty budget" }
             table.facts {
                 tr { th { "angle" } th { "cause" } th { "type" } th { "standard uncertainty" } th { "share" } th { "common to" } }
-                @for AngleTerm { angle, term } in &view.budget {
+                @for AngleTerm { angle, term } in terms {
                     tr {
                         td { (angle) }
                         td { (term.name) }
@@ -134,8 +134,8 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
             }
         }
     }
-    let measured = view.measured.as_ref().filter(|_| !view.is_model());
-    facts.extend(measured.map(|measured| ("Speeds by the swing", measured.to_string())));
+    let angles = view.angles.as_ref().filter(|_| !view.is_model());
+    facts.extend(angles.map(|angles| ("Speeds by the swing", angles.measured.to_string())));
     if let Some(robot) = &records.robot {
         facts.push(("Robot of the recording", robot.name.clone()));
     }

@@ -6,7 +6,8 @@ use super::curves;
 use super::document;
 use super::heat_map::{self, Map, Point};
 use super::ribbon;
-use super::stage::{looks, zoom};
+use super::session_page::MAPS;
+use super::stage::{SPEEDS, looks, values, zoom};
 use super::text::{clip, count, json_for_script};
 use super::trial_section::{Entry, chart, speed_entries};
 use maud::{Markup, PreEscaped, html};
@@ -78,23 +79,10 @@ fn scene(has_tank: bool) -> Markup {
 }
 
 fn readout() -> Markup {
-    let rows = [
-        ("Yaw ψ, °", "", "attitude yaw 1"),
-        ("Pitch θ, °", "", "attitude pitch 2"),
-        ("Roll φ, °", "", "attitude roll 2"),
-        ("Flagellum 1, rpm", "key c-flagellum1", "motors speed1 1"),
-        ("Flagellum 2, rpm", "key c-flagellum2", "motors speed2 1"),
-    ];
-    html! {
-        table.readout {
-            thead { tr { th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} } th scope="col" { "measured" } } }
-            tbody {
-                @for (name, key, out) in rows {
-                    tr { th scope="row" { @if !key.is_empty() { span class=(key) {} } (name) } td data-out=(out) { "–" } }
-                }
-            }
-        }
-    }
+    let angles = [("Yaw ψ, °", "yaw 1"), ("Pitch θ, °", "pitch 2"), ("Roll φ, °", "roll 2")];
+    let angles = angles.map(|(name, column)| (name, "", vec![Some(format!("attitude {column}"))]));
+    let speeds = SPEEDS.map(|(name, key, column)| (name, key, vec![Some(format!("motors {column} 1"))]));
+    values(&["measured"], &[&angles[..], &speeds].concat())
 }
 
 /// Returns the maps of yaw and pitch over both speeds, from each trial's speeds (rpm) and angles (degrees) where it has
@@ -104,15 +92,15 @@ pub fn live_maps(trials: &[([f64; 2], Option<[f64; 3]>)]) -> String {
         Some(AtSpeeds::of_trial(*speeds_rpm, (*angles_deg)?, true, ()))
     };
     let means = mean_of_repeats(trials.iter().filter_map(trial));
-    let maps = [("Steady yaw", "|ψ|"), ("Steady pitch", "|θ|")].into_iter().enumerate().map(|(i, (name, symbol))| {
+    let maps = MAPS.into_iter().take(2).map(|(i, name, symbol)| {
         let point = |(speeds_rpm, _): &([f64; 2], Option<[f64; 3]>)| {
             let mean = means.iter().find(|mean| mean.speeds_rpm == *speeds_rpm);
             let value_deg = mean.map_or(f64::NAN, |mean| mean.magnitudes_deg()[i]);
             Point { speeds_rpm: *speeds_rpm, value_deg, is_settled: true, anchor: None }
         };
         let points: Vec<Point> = trials.iter().map(point).collect();
-        let title = format!("{name} {symbol}");
-        let map = Map { title: &title, symbol, points: &points, scale_deg: heat_map::largest(&points) };
+        let (title, scale_deg) = (format!("{name} {symbol}"), heat_map::largest(&points));
+        let map = Map { title: &title, symbol, points: &points, scale_deg };
         html! { @if heat_map::is_map(&points) { figure { div.head { h3 { (title) } } (map.svg()) } } }
     });
     maps.map(|map| map.0).collect()

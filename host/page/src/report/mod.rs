@@ -16,6 +16,7 @@ mod parameters;
 mod repeats;
 mod ribbon;
 mod rows;
+mod scroll;
 mod session_page;
 pub(crate) mod shapes;
 mod stage;
@@ -36,6 +37,7 @@ use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use rayon::prelude::*;
 use rows::{Row, RowState};
+use serde::Serialize;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use study::output;
@@ -50,9 +52,10 @@ use warnings::Warning;
 const MAX_PRINTED: usize = 20;
 
 /// A written page.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Written {
     /// The file.
+    #[serde(serialize_with = "study::text::path")]
     pub html: PathBuf,
     /// Its size.
     pub bytes: u64,
@@ -120,7 +123,7 @@ pub fn write(
     check(&out)?;
     if let Some(table) = swept::table_of(path) {
         let (page, trials) = sweep_page::page(&table)?;
-        return put(&out, &page, Counts { trials, warnings: 0 }, Vec::new());
+        return put(&out, &page, [trials, 0], Vec::new());
     }
     if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
 }
@@ -130,8 +133,7 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, PageError
         Some(view) => view,
         None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
     };
-    let counts = Counts { trials: 1, warnings: graves(&view) };
-    put(out, &page_of_log(&view), counts, view.findings)
+    put(out, &page_of_log(&view), [1, graves(&view)], view.findings)
 }
 
 /// Returns the page of a log as text, within the budget of a page with so many trials.
@@ -206,9 +208,8 @@ fn of_session(
     // A model may be the other side of several repeats.
     let mut seen = std::collections::HashSet::new();
     findings.retain(|one| seen.insert((one.log.clone(), one.finding.to_string())));
-    let counts =
-        Counts { trials: shown().count(), warnings: unreadable + shown().map(|(_, view)| graves(view)).sum::<usize>() };
-    put(out, &page, counts, findings)
+    let warnings = unreadable + shown().map(|(_, view)| graves(view)).sum::<usize>();
+    put(out, &page, [shown().count(), warnings], findings)
 }
 
 /// Returns a trial as a row of its session's page.
@@ -303,21 +304,20 @@ fn is_page(path: &Path) -> std::io::Result<bool> {
     Ok(String::from_utf8_lossy(&head).contains(r#"<meta name="generator" content="biflag "#))
 }
 
-/// What a page shows.
-struct Counts {
-    trials: usize,
-    warnings: usize,
-}
-
 fn graves(view: &View) -> usize {
     view.warnings.iter().filter(|warning| warning.is_grave).count()
 }
 
-fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, PageError> {
+/// Writes a page of so many trials and warnings.
+fn put(
+    out: &Path,
+    page: &Markup,
+    [trials, warnings]: [usize; 2],
+    findings: Vec<LogFinding>,
+) -> Result<Written, PageError> {
     // Texts of plans and logs may hold anything.
     let text = printable(&page.0);
     output::replace(out, |file| file.write_all(text.as_bytes()))?;
-    let Counts { trials, warnings } = counts;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings, findings })
 }
 

@@ -3,16 +3,13 @@
 //! Meanings and sources are the comments of the robot file `robot-published`, which has every key, and of the robot's own
 //! file.
 
+use super::scroll::scrolled;
 use super::text::{clip, count};
 use maud::{Markup, html};
 use sim::params::Robot;
 use std::collections::BTreeMap;
-use std::path::Path;
-use study::plan::{PHYSICAL, PUBLISHED, Shipped};
+use study::plan::{PHYSICAL, PUBLISHED, comments, robot_keys};
 use toml::{Table, Value};
-
-/// The robot file whose comments say what each key means.
-const COMMENTED: &str = "robot-published";
 
 /// A row of the table.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -37,24 +34,20 @@ pub(super) fn table(parameters: &str, name: &str, file: &str) -> Markup {
     if differing.is_empty() {
         return html! { p { "All parameters are those " (rest) "." } };
     }
-    html! {
-        div.scroll tabindex="0" role="region" aria-label={ "Parameters of the robot " (clip(name, 100)) } {
-            table.facts {
-                thead { tr { th scope="col" { "Parameter" } th scope="col" { "Value" } th scope="col" { "Source" } th scope="col" { "Meaning" } } }
-                tbody {
-                    @for Row { key, value, meaning, source } in differing {
-                        tr { td { (clip(&key, 100)) } td { (clip(&value, 100)) } td { (clip(&source, 300)) } td { (meaning) } }
-                    }
-                }
-            }
+    let body = html! {
+        @for Row { key, value, meaning, source } in differing {
+            tr { td { (clip(&key, 100)) } td { (clip(&value, 100)) } td { (clip(&source, 300)) } td { (meaning) } }
         }
+    };
+    html! {
+        (scrolled(&format!("Parameters of the robot {}", clip(name, 100)), &["Parameter", "Value", "Source", "Meaning"], &body))
         @if !others.is_empty() { p.meta { "The other " (count(others.len(), "parameter is", "parameters are")) " " (rest) "." } }
     }
 }
 
 /// Returns what the published robot file says about each key.
 pub(super) fn meanings() -> BTreeMap<String, String> {
-    comments(Shipped::find(Path::new(COMMENTED)).map_or("", |file| file.text))
+    robot_keys().into_iter().collect()
 }
 
 /// Returns the values of a robot by table and name.
@@ -63,14 +56,14 @@ fn of_robot(robot: &Robot) -> BTreeMap<String, Value> {
 }
 
 fn rows(parameters: &str, name: &str, file: &str) -> Vec<Row> {
-    let (meanings, notes) = (meanings(), comments(file));
+    let (meanings, notes) = (meanings(), BTreeMap::from_iter(comments(file)));
     let own = flat(file);
     let built_in =
         [(PHYSICAL, Robot::default()), (PUBLISHED, Robot::published())].map(|(name, robot)| (name, of_robot(&robot)));
     let row = |(key, value): (String, Value)| {
         let source = if own.contains_key(&key) {
-            let note = notes.get(&key).map(|note| format!(": {note}")).unwrap_or_default();
-            format!("{name}{note}")
+            let note = notes.get(&key).filter(|note| !note.is_empty());
+            note.map_or_else(|| name.to_owned(), |note| format!("{name}: {note}"))
         } else {
             // The robot by name first; a file's other values are those of `physical`.
             let same = |robot: &str| {
@@ -94,32 +87,6 @@ fn flat(text: &str) -> BTreeMap<String, Value> {
                 all.extend(values.into_iter().map(|(key, value)| (format!("{table}.{key}"), value)))
             }
             value => drop(all.insert(table, value)),
-        }
-    }
-    all
-}
-
-/// Returns the comment above each key; successive keys share the comment above the first.
-fn comments(text: &str) -> BTreeMap<String, String> {
-    let (mut all, mut table, mut comment, mut is_used) = (BTreeMap::new(), String::new(), Vec::new(), false);
-    for line in text.lines().map(str::trim) {
-        let words = line.strip_prefix('#');
-        if words.is_none()
-            && let Some((key, _)) = line.split_once('=')
-        {
-            if !comment.is_empty() {
-                all.insert(format!("{table}.{}", key.trim()), comment.join(" "));
-            }
-            is_used = true;
-            continue;
-        }
-        if is_used || words.is_none() {
-            comment.clear();
-            is_used = false;
-        }
-        comment.extend(words.map(str::trim));
-        if let Some(name) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
-            name.clone_into(&mut table);
         }
     }
     all

@@ -5,7 +5,7 @@ use super::heat_map::{self, Map, Point};
 use super::repeats;
 use super::rows::{Row, RowState, anchor, verdict};
 use super::text::{clip, count, number, plain};
-use super::trial_section::{answer, notices, test, tile, warnings};
+use super::trial_section::{answer, test, tile, warnings};
 use super::view::{ModelRobot, View};
 use biflag_log::LinkStats;
 use maud::{Markup, html};
@@ -98,8 +98,8 @@ impl Session<'_> {
         }
         html! {
             (tiles(&self.views(), self.rows.len(), self.comparison))
-            (warnings(problems.iter().map(String::as_str)))
-            (notices(remarks.iter().map(String::as_str)))
+            (warnings(true, problems.iter().map(String::as_str)))
+            (warnings(false, remarks.iter().map(String::as_str)))
         }
     }
 
@@ -163,7 +163,7 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
 }
 
 /// The maps of a session: the index in [`AtSpeeds::magnitudes_deg`], its name and its symbol.
-const MAPS: [(usize, &str, &str); 4] =
+pub(super) const MAPS: [(usize, &str, &str); 4] =
     [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (3, "Steady tilt", "β")];
 
 /// Returns the maps of a session, measured and modelled; none if its speeds make no map.
@@ -171,13 +171,9 @@ fn maps(rows: &[Row]) -> Vec<Markup> {
     let means = [false, true].map(|modelled| {
         let trial = |(i, row): (usize, &Row)| {
             let view = row.view().filter(|view| view.is_complete)?;
-            let angles = match view.steady {
-                Some(steady) if modelled => steady.modelled_deg?,
-                Some(steady) => steady.angles_deg,
-                // A model that overturned.
-                None if view.is_model() && !modelled => [f64::NAN; 3],
-                None => return None,
-            };
+            // A model without angles has overturned.
+            let own = || view.steady_deg().or_else(|| view.is_model().then_some([f64::NAN; 3]));
+            let angles = if modelled { view.comparison.as_ref()?.modelled_deg() } else { own()? };
             let anchor = (!view.data.is_null()).then(|| anchor(i));
             Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(), anchor))
         };
@@ -243,7 +239,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
     let columns = Columns {
         charts: has_charts,
-        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
+        uncertainty: any(|view| view.uncertainties_deg()[0].is_some()),
         compared: any(|view| view.comparison.is_some()),
         link: any(|view| !view.is_model()),
     };
@@ -282,8 +278,7 @@ fn briefs(view: &View, verdict: Option<&'static str>) -> String {
 fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Columns) -> Markup {
     let anchor = anchor(i);
     let view = row.view();
-    let steady = view.and_then(|view| view.steady);
-    let angle = |k: usize| steady.map(|steady| steady.angles_deg[k]);
+    let angle = |k: usize| Some(view?.steady_deg()?[k]);
     let comparison = view.and_then(|view| view.comparison.as_ref());
     html! {
         tr data-trial=(anchor) {
@@ -293,7 +288,7 @@ fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Colum
             td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
             td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
             (cell(angle(0), 2))
-            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
+            @if columns.uncertainty { (cell(view.and_then(|view| view.uncertainties_deg()[0]), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
             @if columns.compared {
                 @for k in 0..3 { (cell(comparison.map(|c| c.angles()[k].error_deg), 2)) }

@@ -86,44 +86,54 @@ fn player(view: &View) -> Markup {
 }
 
 fn readout(view: &View) -> Markup {
-    let own = view.own_name();
-    let out = |what: &str| html! { td data-out=(what) { "–" } };
+    let (is_compared, truth) = (view.comparison.is_some(), view.has_truth);
+    let heads: Vec<&str> =
+        [view.own_name()].into_iter().chain(view.other_name()).chain(truth.then_some("truth")).collect();
+    // What only one side has is empty on the other, and in the truth.
+    let beside = |own: String| [Some(own)].into_iter().chain(is_compared.then_some(None)).chain(truth.then_some(None));
+    let mut rows = Vec::new();
+    for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {
+        let sides =
+            [(true, ""), (is_compared, "model_"), (truth, "true_")].into_iter().filter(|(is_there, _)| *is_there);
+        rows.push((name, "", sides.map(|(_, side)| Some(format!("attitude {side}{column} 2"))).collect()));
+    }
+    for (name, key, column) in SPEEDS {
+        rows.push((name, key, beside(format!("motors {column} 1")).collect()));
+    }
+    for (name, column) in THRUSTS.into_iter().filter(|_| view.curves.has_forces) {
+        let mut outs: Vec<_> = beside(format!("forces {column} 2")).collect();
+        if view.borrowed_forces {
+            outs.swap(0, 1);
+        }
+        rows.push((name, "", outs));
+    }
+    values(&heads, &rows)
+}
+
+/// The speeds of the flagella at the selected time: their names, the classes of their keys, and their columns.
+pub(super) const SPEEDS: [(&str, &str, &str); 2] =
+    [("Flagellum 1, rpm", "key c-flagellum1", "speed1"), ("Flagellum 2, rpm", "key c-flagellum2", "speed2")];
+
+const THRUSTS: [(&str, &str); 3] =
+    [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Smallest gap, mm", "gap")];
+
+/// A row of values: its name, the classes of its key, and what the page's script writes under each head.
+pub(super) type Values = (&'static str, &'static str, Vec<Option<String>>);
+
+/// Returns the table of the values at the selected time.
+pub(super) fn values(heads: &[&str], rows: &[Values]) -> Markup {
     html! {
         table.readout {
             thead { tr {
                 th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} }
-                th scope="col" { (own) }
-                @if let Some(other) = view.other_name() { th scope="col" { (other) } }
-                @if view.has_truth { th scope="col" { "truth" } }
+                @for head in heads { th scope="col" { (head) } }
             } }
-            tbody {
-                @for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {
-                    tr {
-                        th scope="row" { (name) }
-                        (out(&format!("attitude {column} 2")))
-                        @if view.comparison.is_some() { (out(&format!("attitude model_{column} 2"))) }
-                        @if view.has_truth { (out(&format!("attitude true_{column} 2"))) }
-                    }
+            tbody { @for (name, key, outs) in rows {
+                tr {
+                    th scope="row" { @if !key.is_empty() { span class=(key) {} } (name) }
+                    @for out in outs { @if let Some(out) = out { td data-out=(out) { "–" } } @else { td {} } }
                 }
-                @for i in 1..=2 {
-                    tr {
-                        th scope="row" { span class={ "key c-flagellum" (i) } {} "Flagellum " (i) ", rpm" }
-                        (out(&format!("motors speed{i} 1")))
-                        @if view.comparison.is_some() { td {} }
-                        @if view.has_truth { td {} }
-                    }
-                }
-                @if view.curves.has_forces {
-                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Smallest gap, mm", "gap")] {
-                        tr {
-                            th scope="row" { (name) }
-                            @let (own, model) = (out(&format!("forces {column} 2")), html! { td {} });
-                            @if view.borrowed_forces { (model) (own) } @else { (own) @if view.comparison.is_some() { (model) } }
-                            @if view.has_truth { td {} }
-                        }
-                    }
-                }
-            }
+            } }
         }
     }
 }

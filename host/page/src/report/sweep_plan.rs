@@ -1,6 +1,7 @@
 //! The plan of a sweep in rows: what varies, at which speeds, how each point was computed, by which robot and program.
 
 use super::parameters;
+use super::scroll::scrolled;
 use super::text::{clip, plain};
 use maud::{Markup, html};
 use std::path::Path;
@@ -72,14 +73,9 @@ fn varies(plan: &SweepPlan) -> Markup {
     };
     html! {
         @if !plan.axes.is_empty() {
-            div.scroll tabindex="0" role="region" aria-label="What varies" {
-                table.facts {
-                    thead { tr { th scope="col" { "Varies" } th scope="col" { "Values" } th scope="col" { "Meaning" } } }
-                    tbody { @for axis in &plan.axes {
-                        tr { td { (clip(axis.key.name(), 100)) } td { (values(&axis.values)) } td { (meaning(axis)) } }
-                    } }
-                }
-            }
+            (scrolled("What varies", &["Varies", "Values", "Meaning"], &html! { @for axis in &plan.axes {
+                tr { td { (clip(axis.key.name(), 100)) } td { (values(&axis.values)) } td { (meaning(axis)) } }
+            } }))
         }
     }
 }

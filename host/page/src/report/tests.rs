@@ -256,7 +256,7 @@ fn a_trial_among_many_is_played_from_real_samples_and_drawn_with_its_range() {
 
     let view = view(&Attempt::of_log(&path(trial)), ByteBudget::of_trials(plan.trials.len())).unwrap();
     let written = folder.join("page.html");
-    put(&written, &page_of_log(&view), Counts { trials: 1, warnings: 0 }, Vec::new()).unwrap();
+    put(&written, &page_of_log(&view), [1, 0], Vec::new()).unwrap();
     let page = std::fs::read_to_string(written).unwrap();
     let data = data(&page, 1);
     let attitude = &data["attitude"];

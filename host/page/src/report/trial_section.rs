@@ -5,7 +5,7 @@ use super::facts::facts;
 use super::ribbon;
 use super::stage::stage;
 use super::text::{clip, count, degrees, number, speeds};
-use super::view::{Steady, View};
+use super::view::View;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Identity, SteadyMeta};
 use maud::{Markup, html};
@@ -47,8 +47,11 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                 @if session.is_none_or(|(said, _)| said != headline) { (answer(&headline, comparison.agrees())) }
                 (test(&comparison.verdict))
             }
-            @let texts = |is_grave: bool| view.warnings.iter().filter(move |warning| warning.is_grave == is_grave).map(|warning| warning.text.as_str());
-            (warnings(texts(true)))
+            @let said = |grave: bool| {
+                let texts = view.warnings.iter().filter(|warning| warning.is_grave == grave);
+                warnings(grave, texts.map(|warning| warning.text.as_str()))
+            };
+            (said(true))
             @if has_data {
                 @match session {
                     Some((_, number)) => { div.bench data-bench=(number) {} }
@@ -57,7 +60,7 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                 }
             }
             (tiles(view))
-            (notices(texts(false)))
+            (said(false))
             @if let Some(comparison) = &view.comparison { (errors::table(comparison)) }
             (events(view))
             (facts(view, shared))
@@ -108,9 +111,9 @@ fn tiles(view: &View) -> Markup {
     let is_model = view.is_model();
     html! {
         dl.tiles {
-            @if let Some(steady) = &view.steady {
+            @if let Some(angles_deg) = view.steady_deg() {
                 @for (i, name) in ["Steady yaw ψ", "Steady pitch θ", "Steady roll φ"].into_iter().enumerate() {
-                    (steady_tile(name, steady, i))
+                    (steady_tile(name, view, angles_deg[i], i))
                 }
             }
             @if let Some(comparison) = &view.comparison {
@@ -154,40 +157,30 @@ fn minus(text: &str) -> String {
     text.replace(" -", " −").replace("(-", "(−")
 }
 
-fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
-    let angle = steady.angles_deg[i];
-    let [pitch, roll] = steady.tilt_uncertainty_deg;
-    let uncertainty = [steady.yaw_uncertainty_deg, pitch, roll][i].filter(|deg| *deg > 0.0);
-    let spread = uncertainty.map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
+fn steady_tile(name: &str, view: &View, angle: f64, i: usize) -> Markup {
+    let spread = view.uncertainties_deg()[i].map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
     tile(
         name,
         &degrees(angle, 2),
         &html! {
             @if let Some(spread) = &spread { (spread) }
-            @if let Some(modelled) = steady.modelled_deg {
+            @if let Some(comparison) = &view.comparison {
+                @let modelled = comparison.modelled_deg()[i];
                 @if spread.is_some() { br; }
-                b { (steady.other_name) " " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
+                b { (comparison.sides.names()[1]) " " (degrees(modelled, 2)) } ", error " (degrees(modelled - angle, 2))
             } @else if spread.is_none() { "mean at the end of the run" }
         },
     )
 }
 
-/// A list of remarks that are no problems, if there are any.
-pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
+/// A list of problems, or of remarks that are none, if there are any.
+pub(super) fn warnings<'a>(are_grave: bool, texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {
         @if texts.peek().is_some() {
-            ul.warnings.notices aria-label="Notes" { @for text in texts { li { (text) } } }
-        }
-    }
-}
-
-/// A list of problems, if there are any.
-pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
-    let mut texts = texts.into_iter().peekable();
-    html! {
-        @if texts.peek().is_some() {
-            ul.warnings aria-label="Warnings" { @for text in texts { li { (text) } } }
+            ul.warnings.notices[!are_grave] aria-label=(if are_grave { "Warnings" } else { "Notes" }) {
+                @for text in texts { li { (text) } }
+            }
         }
     }
 }

@@ -11,23 +11,8 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{AngleTerm, Angles, Event, FindingKind, Judged, LogFinding, Records, Repeat, SwingSpeeds};
+use study::trial::{Angles, Event, FindingKind, Judged, LogFinding, Records, Repeat};
 use study::twin::{Compared, Comparison};
-
-/// The steady angles of a trial.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(super) struct Steady {
-    /// Yaw, pitch, roll.
-    pub angles_deg: [f64; 3],
-    /// 95 % uncertainty of the yaw.
-    pub yaw_uncertainty_deg: Option<f64>,
-    /// 95 % uncertainties of pitch and roll.
-    pub tilt_uncertainty_deg: [Option<f64>; 2],
-    /// The same angles of the model, if the trial is compared with one.
-    pub modelled_deg: Option<[f64; 3]>,
-    /// What these are called.
-    pub other_name: &'static str,
-}
 
 /// The robot and the closure that the model's curves beside a trial were computed with.
 #[derive(Clone, PartialEq, Debug)]
@@ -59,11 +44,8 @@ pub struct View {
     pub(super) channels: BTreeMap<String, u64>,
     pub(super) comparison: Option<Comparison>,
     pub(super) model_robot: Option<ModelRobot>,
-    pub(super) steady: Option<Steady>,
-    /// The speeds by the swing of the robot.
-    pub(super) measured: Option<SwingSpeeds>,
-    /// Causes of the uncertainty of the steady angles.
-    pub(super) budget: Vec<AngleTerm>,
+    /// Its own steady angles.
+    pub(super) angles: Option<Angles>,
     /// The trial as one of several at its speeds.
     pub(super) repeat: Option<Repeat>,
     pub(super) events: Vec<Event>,
@@ -90,14 +72,12 @@ impl View {
         let compared = compared.map(|(compared, other)| (compared, &other.data));
         let other = compared.map(|(_, other)| other);
         let comparison = compared.map(|(compared, _)| &compared.comparison);
-        let (own, angles) = (data.trial(), zeroed.angles());
+        let own = data.trial();
         let mut view = Self {
             name: own.name,
             speeds_rpm: [own.w1_rpm, own.w2_rpm],
             log: data.path.clone(),
-            steady: steady(angles.as_ref(), comparison),
-            measured: angles.as_ref().map(|angles| angles.measured.clone()),
-            budget: zeroed.steady.as_ref().map_or_else(Vec::new, study::trial::Steady::budget),
+            angles: zeroed.angles(),
             repeat: Repeat::new(trial),
             warnings: warnings(trial, comparison),
             findings: match comparison {
@@ -125,6 +105,19 @@ impl View {
             view.data["other"] = view.other_name().into();
         }
         view
+    }
+
+    /// Steady yaw, pitch and roll; those of its comparison if it has one.
+    pub(super) fn steady_deg(&self) -> Option<[f64; 3]> {
+        let alone = || self.angles.as_ref().map(|angles| [angles.yaw_deg, angles.pitch_deg, angles.roll_deg]);
+        self.comparison.as_ref().map(Comparison::measured_deg).or_else(alone)
+    }
+
+    /// Their 95 % uncertainties; those of a comparison are of the difference.
+    pub(super) fn uncertainties_deg(&self) -> [Option<f64>; 3] {
+        let Some(angles) = &self.angles else { return [None; 3] };
+        let all = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
+        all.map(|deg| deg.filter(|deg| *deg > 0.0))
     }
 
     /// Whether the attitude settled.
@@ -163,30 +156,6 @@ fn most_important(events: Vec<Event>, most: usize) -> Vec<Event> {
     kept.extend(others.into_iter().take(room));
     kept.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     kept
-}
-
-fn tilt(angles: &Angles) -> [Option<f64>; 2] {
-    [angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg]
-}
-
-fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<Steady> {
-    if let Some(comparison) = comparison {
-        return Some(Steady {
-            angles_deg: comparison.measured_deg(),
-            // That of the comparison is the uncertainty of the difference.
-            yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
-            tilt_uncertainty_deg: angles.map(tilt).unwrap_or_default(),
-            modelled_deg: Some(comparison.modelled_deg()),
-            other_name: comparison.sides.names()[1],
-        });
-    }
-    angles.map(|angles| Steady {
-        angles_deg: [angles.yaw_deg, angles.pitch_deg, angles.roll_deg],
-        yaw_uncertainty_deg: angles.yaw_uncertainty_deg,
-        tilt_uncertainty_deg: tilt(angles),
-        modelled_deg: None,
-        other_name: "",
-    })
 }
 
 #[cfg(test)]

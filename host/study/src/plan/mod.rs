@@ -30,7 +30,7 @@ pub use fit::{Fit, FittedParameter, FittedTo, MAX_FACTOR, with_fit};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US, WAIT};
-pub use shipped::{Shipped, robot_keys};
+pub use shipped::{Shipped, comments, robot_keys};
 
 use biflag_log::{MeasuredSensorMeta, Method, TrialMeta};
 use protocol::units::CentiRpm;

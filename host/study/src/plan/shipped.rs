@@ -41,30 +41,33 @@ impl Shipped {
     }
 }
 
-/// Returns the keys of a robot file, such as `flagellum.young_pa`, each with its meaning, unit and source, from the
-/// comments of `robot-published`, which has every key.
+/// Returns the keys of all robots, such as `flagellum.young_pa`, each with its meaning, unit and source, from the comments of
+/// `robot-published`, which has every key.
 pub fn robot_keys() -> Vec<(String, String)> {
-    let text = Shipped::find(Path::new("robot-published")).map_or("", |file| file.text);
-    let (mut table, mut comment, mut keys) = ("", Vec::new(), Vec::new());
-    for line in text.lines() {
-        let (is_comment, content) = line.strip_prefix("# ").map_or((false, line), |content| (true, content));
-        let key = content.split_once(" = ").map(|(key, _)| key);
+    comments(Shipped::find(Path::new("robot-published")).map_or("", |file| file.text))
+}
+
+/// Returns the keys of a robot file, also those in its comments, each with the comment above it; empty if it has none. Keys share
+/// a comment if no blank line or comment separates them.
+pub fn comments(text: &str) -> Vec<(String, String)> {
+    let (mut table, mut comment, mut is_used, mut keys) = ("", Vec::new(), false, Vec::new());
+    for line in text.lines().map(str::trim) {
+        let (is_comment, content) = line.strip_prefix('#').map_or((false, line), |content| (true, content.trim()));
+        let key = content.split_once(if is_comment { " = " } else { "=" }).map(|(key, _)| key.trim());
         let key = key.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'));
         if let Some(key) = key {
-            // Keys share a comment if no blank line or comment separates them.
-            let about = if comment.is_empty() {
-                keys.last().map_or_else(String::new, |(_, about): &(_, String)| about.clone())
-            } else {
-                comment.join(" ")
-            };
-            keys.push((format!("{table}.{key}"), about));
-            comment.clear();
-        } else if is_comment {
-            comment.push(content);
-        } else {
-            comment.clear();
-            table = line.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(table);
+            keys.push((format!("{table}.{key}"), comment.join(" ")));
+            is_used = true;
+            continue;
         }
+        if is_used || !is_comment {
+            comment.clear();
+            is_used = false;
+        }
+        if is_comment {
+            comment.push(content);
+        }
+        table = line.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(table);
     }
     keys
 }

@@ -1,0 +1,15 @@
+//! Tables that may be wider than the page, which then scroll on their own.
+
+use maud::{Markup, html};
+
+/// Returns a table of facts with these heads. `label`: what it is, for those who do not see it.
+pub(super) fn scrolled(label: &str, heads: &[&str], body: &Markup) -> Markup {
+    html! {
+        div.scroll tabindex="0" role="region" aria-label=(label) {
+            table.facts {
+                thead { tr { @for head in heads { th scope="col" { (head) } } } }
+                tbody { (body) }
+            }
+        }
+    }
+}
