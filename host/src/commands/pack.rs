@@ -8,7 +8,6 @@ use crate::progress::Progress;
 use crate::session::Session;
 use crate::text;
 use biflag_log::similar::suggest;
-use serde_json::json;
 use spdx::identifiers::LICENSES;
 use std::path::PathBuf;
 use system::file::full_path;
@@ -64,12 +63,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     );
     packed.notes.iter().for_each(|note| text += &format!("\nnote: {note}"));
     text += &lines_of_logs(&packed.findings);
-    let body = json!({
-        "file": out.to_string_lossy(),
-        "entries": packed.entries,
-        "bytes": packed.bytes,
-        "findings": packed.findings,
-        "notes": packed.notes,
-    });
-    Answer::new(Outcome::of(packed.is_sound && are_slight(&packed.findings)), &body, text)
+    let outcome = Outcome::of(packed.is_sound && are_slight(&packed.findings));
+    Ok(Answer::new(outcome, &packed, text)?.with("file", out.to_string_lossy()))
 }

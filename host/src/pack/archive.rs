@@ -1,10 +1,11 @@
 //! The archive itself: a ZIP, which every repository and every computer opens, and the sums of its files.
 
 use super::content::Entry;
-use super::error::PackError;
+use super::reading;
 use crate::output::OutputError;
 use crate::text::hex;
 use biflag_log::atomic_file::Draft;
+use miette::Report;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -32,13 +33,13 @@ impl Sum {
 }
 
 /// Returns the sums of all files, in their order.
-pub(super) fn sums(entries: &[Entry]) -> Result<Vec<Sum>, PackError> {
-    entries.iter().map(|entry| copy(entry, &mut io::sink(), PackError::reading(&entry.file))).collect()
+pub(super) fn sums(entries: &[Entry]) -> miette::Result<Vec<Sum>> {
+    entries.iter().map(|entry| copy(entry, &mut io::sink(), reading(&entry.file))).collect()
 }
 
 /// Copies a file and returns its sum. `writing` converts the errors of the target.
-fn copy(entry: &Entry, to: &mut impl Write, writing: impl Fn(io::Error) -> PackError) -> Result<Sum, PackError> {
-    let reading = PackError::reading(&entry.file);
+fn copy(entry: &Entry, to: &mut impl Write, writing: impl Fn(io::Error) -> Report) -> miette::Result<Sum> {
+    let reading = reading(&entry.file);
     let mut file = File::open(&entry.file).map_err(&reading)?;
     let (mut hasher, mut buffer, mut size) = (Sha256::new(), vec![0; 1 << 16], 0);
     loop {
@@ -53,12 +54,12 @@ fn copy(entry: &Entry, to: &mut impl Write, writing: impl Fn(io::Error) -> PackE
 }
 
 /// Writes the archive as the new file `out` and returns its size. Files without a sum come last: they list the others.
-pub(super) fn write(entries: &[Entry], sums: &[Sum], out: &Path) -> Result<u64, PackError> {
-    let writing = |source: io::Error| PackError::from(OutputError::new(out, source));
+pub(super) fn write(entries: &[Entry], sums: &[Sum], out: &Path) -> miette::Result<u64> {
+    let writing = |source: io::Error| Report::from(OutputError::new(out, source));
     let draft = Draft::create(out).map_err(writing)?;
     let mut zip = ZipWriter::new(BufWriter::new(draft.file.try_clone().map_err(writing)?));
     for (index, entry) in entries.iter().enumerate() {
-        let size = entry.file.metadata().map_err(PackError::reading(&entry.file))?.len();
+        let size = entry.file.metadata().map_err(reading(&entry.file))?.len();
         let method = if entry.is_compressed() { CompressionMethod::Stored } else { CompressionMethod::Deflated };
         // Without a time: that of the files that are made says nothing, and the logs have their own.
         let options = SimpleFileOptions::default()
@@ -69,7 +70,8 @@ pub(super) fn write(entries: &[Entry], sums: &[Sum], out: &Path) -> Result<u64, 
         zip.start_file(&entry.name, options).map_err(|error| writing(error.into()))?;
         let copied = copy(entry, &mut zip, writing)?;
         if sums.get(index).is_some_and(|sum| *sum != copied) {
-            return Err(PackError::Changed { path: entry.file.clone() });
+            let help = "pack the session again once no program writes into it";
+            return Err(miette::miette!(help = help, "{}: has changed while it was packed", entry.file.display()));
         }
     }
     zip.finish().map_err(io::Error::from).and_then(|mut file| file.flush()).map_err(writing)?;

@@ -1,6 +1,6 @@
 //! The files that go into an archive: those of the session, and those made of it.
 
-use super::error::PackError;
+use super::reading;
 use super::readme::{self, About};
 use crate::export::{Format, export_session};
 use crate::figure::{self, COLUMN_MM, Subject};
@@ -68,7 +68,7 @@ pub(super) struct Content {
 
 impl Content {
     /// Makes the page, tables and figures of a session in the folder `made`, and lists all files.
-    pub fn of(session: &Session, made: &Path, about: &About, progress: &Progress) -> Result<Self, PackError> {
+    pub fn of(session: &Session, made: &Path, about: &About, progress: &Progress) -> miette::Result<Self> {
         let mut content = Self {
             made: made.to_owned(),
             entries: Vec::new(),
@@ -96,9 +96,9 @@ impl Content {
     }
 
     /// Adds a file of this text.
-    pub fn add_text(&mut self, name: &str, text: &str, about: &str) -> Result<(), PackError> {
+    pub fn add_text(&mut self, name: &str, text: &str, about: &str) -> miette::Result<()> {
         let file = self.made.join(name);
-        fs::write(&file, text).map_err(PackError::reading(&file))?;
+        fs::write(&file, text).map_err(reading(&file))?;
         self.add(name, file, about);
         Ok(())
     }
@@ -107,7 +107,7 @@ impl Content {
         self.entries.push(Entry { name: name.into(), file, about: about.into() });
     }
 
-    fn add_inputs(&mut self, plan: &Plan) -> Result<(), PackError> {
+    fn add_inputs(&mut self, plan: &Plan) -> miette::Result<()> {
         self.add_text("plan.toml", &plan.text, "The plan of the trials")?;
         let (robot, which) = (&plan.robot, text::line(&plan.robot.name));
         let text = match robot.text.as_str() {
@@ -122,13 +122,13 @@ impl Content {
     }
 
     /// Adds the files in the session's folder. Folders are left out, and links, which may lead to any file.
-    fn add_session(&mut self, folder: &Path) -> Result<(), PackError> {
+    fn add_session(&mut self, folder: &Path) -> miette::Result<()> {
         let mut left_out = Vec::new();
         let mut files = BTreeMap::new();
-        for file in fs::read_dir(folder).map_err(PackError::reading(folder))? {
-            let file = file.map_err(PackError::reading(folder))?;
+        for file in fs::read_dir(folder).map_err(reading(folder))? {
+            let file = file.map_err(reading(folder))?;
             let name = file.file_name().to_string_lossy().into_owned();
-            let is_file = file.file_type().map_err(PackError::reading(&file.path()))?.is_file();
+            let is_file = file.file_type().map_err(reading(&file.path()))?.is_file();
             if is_file { _ = files.insert(name, file.path()) } else { left_out.push(name) }
         }
         for (name, path) in files {
@@ -146,7 +146,7 @@ impl Content {
         Ok(())
     }
 
-    fn add_page(&mut self, folder: &Path) -> Result<(), PackError> {
+    fn add_page(&mut self, folder: &Path) -> miette::Result<()> {
         let file = self.made.join("report.html");
         let written = report::write(folder, Kind::Report, None, Vec::new(), Some(&file))?;
         self.is_sound = written.warnings == 0;
@@ -155,7 +155,7 @@ impl Content {
         Ok(())
     }
 
-    fn add_tables(&mut self, folder: &Path) -> Result<(), PackError> {
+    fn add_tables(&mut self, folder: &Path) -> miette::Result<()> {
         let tables = export_session(folder, &self.made.join("tables"), Format::Csv, false)?;
         for log in &tables.damaged {
             self.notes.push(format!("{log}: cut off or damaged; the table has what can be read"));
@@ -172,9 +172,9 @@ impl Content {
         Ok(())
     }
 
-    fn add_figures(&mut self, session: &Path, states: &[TrialState]) -> Result<(), PackError> {
+    fn add_figures(&mut self, session: &Path, states: &[TrialState]) -> miette::Result<()> {
         let folder = self.made.join("figures");
-        fs::create_dir(&folder).map_err(PackError::reading(&folder))?;
+        fs::create_dir(&folder).map_err(reading(&folder))?;
         for (state, log) in states.iter().filter_map(|state| Some((state, state.complete()?))) {
             let name = format!("{}.svg", state.trial.name);
             let subject = Subject { path: &log.path, number: None };

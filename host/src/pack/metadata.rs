@@ -2,7 +2,6 @@
 
 use super::archive::Sum;
 use super::content::Content;
-use super::error::PackError;
 use super::readme::About;
 use crate::plan::Plan;
 use crate::program::{GIT_HASH, VERSION, timestamp};
@@ -14,7 +13,7 @@ use std::time::SystemTime;
 const NAME: &str = "ro-crate-metadata.json";
 
 /// Adds both files. `sums`: of the files that are there.
-pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums: &[Sum]) -> Result<(), PackError> {
+pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums: &[Sum]) -> miette::Result<()> {
     let manifest: String =
         content.entries.iter().zip(sums).map(|(entry, sum)| format!("{}  {}\n", sum.sha256, entry.name)).collect();
     content.add_text("manifest-sha256.txt", &manifest, "SHA-256 of each file")?;

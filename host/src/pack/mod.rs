@@ -14,22 +14,23 @@
 
 mod archive;
 mod content;
-mod error;
 mod metadata;
 mod readme;
 
-pub use error::PackError;
 pub use readme::About;
 
 use crate::progress::Progress;
 use crate::session::{Session, SessionError, is_in_use};
 use crate::trial::LogFinding;
 use content::Content;
+use miette::Report;
+use serde::Serialize;
+use std::io;
 use std::path::Path;
 use study::output;
 
 /// A written archive.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Packed {
     /// Names of the files in the archive.
     pub entries: Vec<String>,
@@ -40,20 +41,27 @@ pub struct Packed {
     /// What is missing in the archive, or should be added.
     pub notes: Vec<String>,
     /// Whether nothing in it may be wrong.
+    #[serde(skip)]
     pub is_sound: bool,
+}
+
+/// Returns what describes an error of reading a file or a folder.
+fn reading(path: &Path) -> impl Fn(io::Error) -> Report {
+    let path = path.to_owned();
+    move |error| Report::from_err(error).wrap_err(format!("{}: cannot be read", path.display()))
 }
 
 /// Packs the session in `folder` into the new file `out`.
 ///
 /// # Errors
-/// [`PackError`]; nothing is left of an unfinished archive.
-pub fn pack(folder: &Path, out: &Path, about: &About, progress: &Progress) -> Result<Packed, PackError> {
+/// What cannot be read or written; nothing is left of an unfinished archive.
+pub fn pack(folder: &Path, out: &Path, about: &About, progress: &Progress) -> miette::Result<Packed> {
     let session = Session::open(folder)?;
     if is_in_use(folder) {
         return Err(SessionError::InUse { folder: folder.to_owned() }.into());
     }
     output::check_new(out)?;
-    let made = tempfile::tempdir().map_err(PackError::reading(Path::new("a temporary folder")))?;
+    let made = tempfile::tempdir().map_err(reading(Path::new("a temporary folder")))?;
     let mut content = Content::of(&session, made.path(), about, progress)?;
     progress.phase("pack", "checksums");
     let sums = archive::sums(&content.entries)?;
