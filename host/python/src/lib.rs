@@ -28,29 +28,20 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _biflag {
     #[pymodule_export]
-    use crate::aim::{Answer, aim};
-    #[pymodule_export]
-    use crate::batch::simulate_batch;
-    #[pymodule_export]
-    use crate::figure::{Figure, draw};
-    #[pymodule_export]
-    use crate::imported::write_states;
-    #[pymodule_export]
-    use crate::log::{html, read_log, read_session, session_repeats, session_table};
-    #[pymodule_export]
-    use crate::picture::picture;
-    #[pymodule_export]
-    use crate::robot::Robot;
-    #[pymodule_export]
-    use crate::simulate::{Simulated, simulate};
-    #[pymodule_export]
-    use crate::simulator::Simulators;
-    #[pymodule_export]
-    use crate::speeds::check_speeds;
-    #[pymodule_export]
-    use crate::sweep::{read_sweep, sweep};
-    #[pymodule_export]
-    use crate::twin::{calibrate, compare};
+    use crate::{
+        aim::{Answer, aim},
+        batch::simulate_batch,
+        figure::{Figure, draw},
+        imported::write_states,
+        log::{html, read_log, read_session, session_repeats, session_table},
+        picture::picture,
+        robot::Robot,
+        simulate::{Simulated, simulate},
+        simulator::Simulators,
+        speeds::check_speeds,
+        sweep::{read_sweep, sweep},
+        twin::{calibrate, compare},
+    };
 
     use protocol::units::CentiRpm;
     use pyo3::prelude::*;
