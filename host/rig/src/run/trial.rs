@@ -54,6 +54,13 @@ pub struct RunContext<'a> {
     pub lines: Option<&'a Lines>,
 }
 
+impl<'a> RunContext<'a> {
+    /// Returns the context of a robot with encoders on a rig, without viewers.
+    pub fn new(link: &'a Link, progress: &'a Progress, interrupted: &'a AtomicBool) -> Self {
+        Self { link, progress, interrupted, tap: None, player: None, robot: None, lines: None }
+    }
+}
+
 /// Runs a trial and writes its log to `path`. `settings` are the board's settings. In every case, stops the motors and
 /// closes the log.
 ///

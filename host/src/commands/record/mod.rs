@@ -150,21 +150,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let (mut recorded, todo) = Recorded::of(folder, states)?;
     let outcome = recorded.outcome();
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    if let Some(begin) = begin(&todo, origin) {
-        progress.line(&begin);
-    }
-    for note in note.into_iter().chain(notes) {
-        progress.line(&format!("note: {note}"));
-    }
-    let preview = Preview::of(&plan, board.angle_deg.is_some());
-    let findings = session.clock_behind().into_iter().chain(preview.findings);
-    findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
-    recorded.say_left_out(&progress);
-    viewers.session(&recorded.trials, todo.first());
-    viewers.open().iter().for_each(|line| progress.line(line));
-    let (link, session, plan, viewers) = (&link, &session, &plan, &viewers);
-    let (robot, lines) = (robot.as_ref(), lines.as_ref());
     let rig = Rig { link, interrupted: &interrupted, robot, lines, session, plan, origin, viewers };
+    begin(&todo, origin).iter().for_each(|begin| progress.line(begin));
+    note.into_iter().chain(notes).for_each(|note| progress.line(&format!("note: {note}")));
+    rig.say_what_is_known(board.angle_deg.is_some(), &recorded, &progress);
+    rig.viewers.session(&recorded.trials, todo.first());
+    rig.viewers.open().iter().for_each(|line| progress.line(line));
     let ended = rig.record(&todo, player.as_mut(), &mut recorded, &mut progress);
     let outcome = match &ended {
         Ok(true) => outcome,
@@ -178,7 +169,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if resumes {
         progress.line(&format!("continue with: {}", continuation()));
     }
-    viewers.end(match outcome {
+    rig.viewers.end(match outcome {
         Outcome::Failed => "Ended by an error, the motors are stopped. The terminal says more.",
         Outcome::Interrupted => "Stopped, the motors are off.",
         _ => "Recorded.",
@@ -307,11 +298,17 @@ impl Recorded {
                 todo.push(state.trial);
                 continue;
             };
-            let summary = attempt.summary.clone().unwrap_or_default();
             let trial = attempt.read(Want::default())?;
-            let (angles, data) = (trial.steady_angles(), trial.data);
-            let row = RecordedTrial::new(&state.trial, attempt.path.clone(), data.origin(), &summary, angles);
-            recorded.trials.push(row.ran(data.times.run_s()).with(trial.findings));
+            let run = RigRun {
+                summary: attempt.summary.clone().unwrap_or_default(),
+                angles: trial.steady_angles(),
+                run_s: trial.data.times.run_s(),
+                error: None,
+                findings: trial.findings,
+                notes: Vec::new(),
+            };
+            let row = RecordedTrial::of_run(&state.trial, attempt.path.clone(), &run, trial.data.origin());
+            recorded.trials.push(row);
         }
         Ok((recorded, todo))
     }
@@ -323,8 +320,7 @@ impl Recorded {
 
     /// Returns how the command ends by what is recorded so far.
     fn outcome(&self) -> Outcome {
-        let warns = self.trials.iter().any(|trial| !trial.warnings.is_empty()) || !self.left_out.is_empty();
-        if warns { Outcome::WithLoss } else { Outcome::Done }
+        Outcome::of(self.left_out.is_empty() && self.trials.iter().all(|trial| trial.warnings.is_empty()))
     }
 
     /// Returns the end of a command that had `todo` trials to record.
@@ -346,17 +342,25 @@ impl Recorded {
 
 /// What records the trials of a session.
 struct Rig<'a> {
-    link: &'a Link,
+    link: Link,
     interrupted: &'a AtomicBool,
-    robot: Option<&'a SimulatedRobot>,
-    lines: Option<&'a Lines>,
-    session: &'a Session,
-    plan: &'a Plan,
+    robot: Option<SimulatedRobot>,
+    lines: Option<Lines>,
+    session: Session,
+    plan: Plan,
     origin: Origin,
-    viewers: &'a Viewers,
+    viewers: Viewers,
 }
 
 impl Rig<'_> {
+    /// Prints what is found about the plan, the session and its logs before the first trial.
+    fn say_what_is_known(&self, knows_angles: bool, recorded: &Recorded, progress: &Progress) {
+        let preview = Preview::of(&self.plan, knows_angles);
+        let findings = self.session.clock_behind().into_iter().chain(preview.findings);
+        findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
+        recorded.say_left_out(progress);
+    }
+
     /// Records trials one after another. Returns whether nothing was lost and nothing is to be warned of.
     fn record(
         &self,
@@ -370,9 +374,9 @@ impl Rig<'_> {
             if self.interrupted.load(Ordering::Relaxed) {
                 return Err(RecordError::Interrupted.into());
             }
-            let Self { link, interrupted, robot, lines, .. } = *self;
-            let mut context =
-                RunContext { link, progress, interrupted, tap: None, player: player.as_deref_mut(), robot, lines };
+            let (player, robot, lines) = (player.as_deref_mut(), self.robot.as_ref(), self.lines.as_ref());
+            let context = RunContext::new(&self.link, progress, self.interrupted);
+            let mut context = RunContext { player, robot, lines, ..context };
             let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
             check_trial(&context, &recorded.session, rest_s)?;
             park_for(&context, trial)?;
@@ -430,7 +434,7 @@ impl Rig<'_> {
         let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
         // The positions of the shafts are those of now.
         let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
-        let start = run::start(self.plan, trial, attempt, self.origin, Some(board), SystemTime::now());
+        let start = run::start(&self.plan, trial, attempt, self.origin, Some(board), SystemTime::now());
         let run = rig::run(context, &path, &start, trial, settings)?;
         Ok((path, run))
     }

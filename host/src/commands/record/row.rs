@@ -4,13 +4,13 @@ use crate::plan::Trial;
 use crate::run::rig::RigRun;
 use crate::text::{count, decimal};
 use crate::trial::{AngleTerm, Angles, Finding};
-use biflag_log::{End, LinkStats, Origin, Summary};
+use biflag_log::{End, LinkStats, Origin};
 use serde::ser::Error as _;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::path::PathBuf;
 
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Serialize)]
 pub(super) struct RecordedTrial {
     pub name: String,
     pub w1_rpm: f64,
@@ -43,38 +43,26 @@ pub(super) struct RecordedTrial {
 }
 
 impl RecordedTrial {
-    /// Returns the row of a trial of this run.
+    /// Returns the row of a trial that ran.
     pub fn of_run(trial: &Trial, log: PathBuf, run: &RigRun, origin: Origin) -> Self {
-        let row = Self::new(trial, log, origin, &run.summary, run.angles.clone());
-        Self { notes: run.notes.clone(), ..row }.ran(run.run_s).with(run.findings.clone())
-    }
-
-    /// Sets start and end of the run.
-    pub fn ran(self, run_s: Option<[f64; 2]>) -> Self {
-        Self { run_start_s: run_s.map(|[start, _]| start), run_end_s: run_s.map(|[_, end]| end), ..self }
-    }
-
-    /// Adds the findings about the trial.
-    pub fn with(mut self, findings: Vec<Finding>) -> Self {
-        let (grave, slight): (Vec<_>, Vec<_>) = findings.iter().partition(|finding| finding.grave);
-        self.warnings.extend(grave.into_iter().map(ToString::to_string));
-        self.notes.extend(slight.into_iter().map(ToString::to_string));
-        Self { findings, ..self }
-    }
-
-    pub fn new(trial: &Trial, log: PathBuf, origin: Origin, summary: &Summary, angles: Option<Angles>) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
+        let texts = |grave: bool| run.findings.iter().filter(move |one| one.grave == grave).map(ToString::to_string);
         Self {
             name: trial.name.clone(),
             w1_rpm,
             w2_rpm,
             log,
             origin: origin.name(),
-            link: summary.link,
-            budget: angles.as_ref().map(|angles| angles.budget.clone()).unwrap_or_default(),
-            angles,
-            complete: summary.end == End::Complete,
-            ..Self::default()
+            link: run.summary.link,
+            run_start_s: run.run_s.map(|[start, _]| start),
+            run_end_s: run.run_s.map(|[_, end]| end),
+            angles: run.angles.clone(),
+            budget: run.angles.as_ref().map(|angles| angles.budget.clone()).unwrap_or_default(),
+            hand_turn: None,
+            findings: run.findings.clone(),
+            warnings: texts(true).collect(),
+            notes: run.notes.iter().cloned().chain(texts(false)).collect(),
+            complete: run.summary.end == End::Complete,
         }
     }
 }

@@ -66,15 +66,7 @@ pub fn steer(
     progress.line(&format!(
         "the yaw comes from the gyroscope: after {run_s} s it may be off by {error}; rest alone shows its drift"
     ));
-    let mut context = RunContext {
-        link: &link,
-        progress: &progress,
-        interrupted,
-        tap: None,
-        player: None,
-        robot: robot.as_ref(),
-        lines: None,
-    };
+    let mut context = RunContext { robot: robot.as_ref(), ..RunContext::new(&link, &progress, interrupted) };
     record::check_trial(&context, folder, trial.phases.total_s())?;
     let steered = rig::steer(&mut context, &path, &start, trial, settings, (steering, meta))?;
     progress.end_trial(trial.phases.total_s());
