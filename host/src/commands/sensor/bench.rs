@@ -2,6 +2,7 @@
 
 use super::super::options::written_as;
 use super::super::virtual_board::SensorArgs;
+use crate::commands::answer::wrong_use;
 use crate::commands::{settings, virtual_board};
 use crate::link::{Link, LinkError};
 use crate::output::OutputError;
@@ -90,12 +91,8 @@ impl Bench {
         let settings = settings::read(&link)?;
         let mut file = stored.unwrap_or_else(|| MeasuredSensor::new(&settings));
         if let Some(why) = file.mismatch(&settings) {
-            let path = common.output.display();
-            return Err(miette::miette!(
-                code = study::WRONG_USE,
-                help = "name another file with -o, or move this one away",
-                "{path} cannot be continued: {why}"
-            ));
+            let what = format!("{} cannot be continued: {why}", common.output.display());
+            return Err(wrong_use(what, "name another file with -o, or move this one away"));
         }
         now.get(..10).unwrap_or_default().clone_into(&mut file.date);
         let stamp: String = now.chars().take(19).filter(char::is_ascii_digit).collect();

@@ -6,7 +6,8 @@ use crate::run::rig::Followed;
 use miette::Report;
 use serde_json::{Map, Value, json};
 use std::path::Path;
-use study::sensor::{AXES, MeasuredSensor};
+use study::sensor::{AXES, Estimate, MeasuredSensor};
+use study::text::signed;
 
 /// The result of a measurement.
 #[derive(Debug, Default)]
@@ -55,8 +56,7 @@ pub fn ended(error: Report) -> miette::Result<Answer> {
 
 /// Returns the values of the file: the gyroscope's scales as lists, and every table.
 fn values(file: &MeasuredSensor) -> Value {
-    let scale =
-        |part: fn(&study::sensor::Estimate) -> f64| AXES.map(|axis| file.get("gyro_scale", axis).as_ref().map(part));
+    let scale = |part: fn(&Estimate) -> f64| AXES.map(|axis| file.get("gyro_scale", axis).as_ref().map(part));
     let mut values = Map::new();
     values.insert("scale".to_owned(), json!(scale(|scale| scale.value)));
     values.insert("scale_u".to_owned(), json!(scale(|scale| scale.u)));
@@ -68,7 +68,16 @@ fn values(file: &MeasuredSensor) -> Value {
     Value::Object(values)
 }
 
+/// Formats a value of each axis with its 95 % uncertainty, as a line. `scale`: that of the unit.
+pub fn row(title: &str, values: &[Estimate; 3], scale: f64, places: usize, unit: &str) -> String {
+    let cell = |(axis, one): (&str, &Estimate)| {
+        format!("{axis} {} ± {:.places$}", signed(scale * one.value, places), 1.96 * scale * one.u)
+    };
+    let cells: Vec<_> = AXES.into_iter().zip(values).map(cell).collect();
+    format!("{title}: {} {unit} (95 %)\n", cells.join(", "))
+}
+
 /// Formats a percentage with its 95 % uncertainty.
-pub fn percent(estimate: study::sensor::Estimate) -> String {
-    format!("{} ± {:.3} %", study::text::signed(100.0 * estimate.value, 3), 196.0 * estimate.u)
+pub fn percent(estimate: Estimate) -> String {
+    format!("{} ± {:.3} %", signed(100.0 * estimate.value, 3), 196.0 * estimate.u)
 }

@@ -2,11 +2,10 @@
 
 use super::super::options::within;
 use super::bench::{Bench, Common, Told};
-use super::measured::{Measured, finish, percent};
+use super::measured::{Measured, finish, percent, row};
 use crate::commands::answer::Answer;
 use serde_json::{Map, json};
-use study::sensor::{AXES, Estimate, PoseStep, PosesResult, PosesWatch};
-use study::text::signed;
+use study::sensor::{AXES, PoseStep, PosesResult, PosesWatch};
 
 /// Measure accelerometer, mounting and sensitivity to gravity: lay the sensor still with each axis up and down.
 #[derive(clap::Args, Debug)]
@@ -70,16 +69,6 @@ fn told(step: &PoseStep) -> (String, String) {
 }
 
 fn described(result: &PosesResult) -> Measured {
-    let row = |title: &str, values: &[Estimate; 3], scale: f64, places: usize, unit: &str| {
-        let cells: Vec<_> = AXES
-            .iter()
-            .zip(values)
-            .map(|(axis, one)| {
-                format!("{axis} {} ± {:.places$}", signed(scale * one.value, places), 1.96 * scale * one.u)
-            })
-            .collect();
-        format!("{title}: {} {unit} (95 %)\n", cells.join(", "))
-    };
     let mut text = row("scale of the accelerometer", &result.accel_scale, 100.0, 2, "%");
     text += &row("offset of the accelerometer", &result.accel_offset_g, 1000.0, 1, "mg");
     text += &row("mounting", &result.mounting_deg, 1.0, 2, "°");

@@ -2,11 +2,10 @@
 
 use super::super::options::within;
 use super::bench::{Bench, Common, Told};
-use super::measured::{Measured, finish};
+use super::measured::{Measured, finish, row};
 use crate::commands::answer::Answer;
 use serde_json::{Map, json};
-use study::sensor::{AXES, StillResult, StillWatch};
-use study::text::signed;
+use study::sensor::{AXES, Estimate, StillResult, StillWatch};
 
 /// Measure the gyroscope's noise, the instability and walk of its bias, and its change with temperature: let it lie still.
 #[derive(clap::Args, Debug)]
@@ -49,17 +48,10 @@ fn described(result: &StillResult) -> Measured {
     let mut text = String::new();
     let mut allan = Map::new();
     for (name, noise) in AXES.iter().zip(&result.axes) {
-        let [walk, instability, drift] = [noise.walk_of_angle, noise.instability_dps, noise.walk_of_bias];
-        text += &format!(
-            "{name}: angle random walk {:.5} ± {:.5} °/√s, bias instability {:.5} ± {:.5} °/s, walk of the bias \
-             {:.6} ± {:.6} °/s/√s (95 %)\n",
-            walk.value,
-            1.96 * walk.u,
-            instability.value,
-            1.96 * instability.u,
-            drift.value,
-            1.96 * drift.u
-        );
+        let with_u = |one: Estimate, places: usize| format!("{:.places$} ± {:.places$}", one.value, 1.96 * one.u);
+        let [walk, instability] = [noise.walk_of_angle, noise.instability_dps].map(|one| with_u(one, 5));
+        text += &format!("{name}: angle random walk {walk} °/√s, bias instability {instability} °/s, ");
+        text += &format!("walk of the bias {} °/s/√s (95 %)\n", with_u(noise.walk_of_bias, 6));
         let points: Vec<_> = noise
             .allan
             .iter()
@@ -68,14 +60,7 @@ fn described(result: &StillResult) -> Measured {
         allan.insert((*name).to_owned(), json!(points));
     }
     match &result.warming {
-        Some(warming) => {
-            let cells: Vec<_> = AXES
-                .iter()
-                .zip(warming)
-                .map(|(name, one)| format!("{name} {} ± {:.4}", signed(one.value, 4), 1.96 * one.u))
-                .collect();
-            text += &format!("bias by temperature: {} °/s/K (95 %)\n", cells.join(", "));
-        }
+        Some(warming) => text += &row("bias by temperature", warming, 1.0, 4, "°/s/K"),
         None => text += "the temperature hardly changed: its effect on the bias is not known\n",
     }
     let json = [("allan".to_owned(), json!(allan))].into_iter().collect();

@@ -3,7 +3,7 @@
 use super::super::options::within;
 use super::bench::{Bench, Common, Told};
 use super::measured::{Measured, finish, percent};
-use crate::commands::answer::{Answer, WRONG_USE};
+use crate::commands::answer::{Answer, wrong_use};
 use serde_json::json;
 use study::plan::Axis;
 use study::sensor::{AXES, TurnPlan, TurnResult, TurnStep, TurnWatch};
@@ -43,7 +43,7 @@ fn parse_axis(text: &str) -> Result<Axis, String> {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let axis = args.axis as usize;
     if args.degrees < 90.0 {
-        return Err(miette::miette!(code = WRONG_USE, help = "turn by 360° or more", "{}° are too few", args.degrees));
+        return Err(wrong_use(format!("{}° are too few", args.degrees), "turn by 360° or more"));
     }
     let plan = TurnPlan { axis, degrees: args.degrees, turns: 2 * usize::from(args.repeats) };
     let mut bench = Bench::open(&args.common, &format!("turn {}", AXES[axis]))?;
