@@ -10,7 +10,7 @@ use sim::step::InversesAtRest;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use study::aim::{Aimed, Columns, Known, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
+use study::aim::{Aimed, Columns, Known, Model, Table, Target, load, of_columns, plan, shipped};
 use study::output;
 
 /// A table that proposes speeds.
@@ -44,14 +44,7 @@ pub fn aim(
     seconds: f64,
     threads: Option<usize>,
 ) -> PyResult<Answer> {
-    let target = Target::new([
-        (Quantity::Yaw, yaw),
-        (Quantity::Pitch, pitch),
-        (Quantity::Roll, roll),
-        (Quantity::Tilt, tilt),
-        (Quantity::Thrust, thrust),
-    ]);
-    let target = target.map_err(Failure::from)?;
+    let target = Target::of([yaw, pitch, roll, tilt, thrust]).map_err(Failure::from)?;
     let longest = Duration::try_from_secs_f64(seconds).ok().filter(|longest| !longest.is_zero());
     let longest = longest.ok_or_else(|| Failure::parameter("seconds", format!("{seconds} is no time above 0 s")))?;
     let Robot { params, file } = robot.get();

@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Outcome};
 use super::options::{within, written_as};
-use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Quantity, Solution, Target, Unknown};
+use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Proposal, Solution, Target, Unknown};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
@@ -58,7 +58,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let target = target(args)?;
+    let target = Target::of([args.yaw, args.pitch, args.roll, args.tilt, args.thrust])?;
     if let Some(out) = &args.out {
         output::check_new(out)?;
     }
@@ -108,17 +108,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(out) => answer.with("plan", out.display().to_string()),
         None => answer,
     })
-}
-
-/// Returns what the user asks for.
-fn target(args: &Args) -> Result<Target, AimError> {
-    Target::new([
-        (Quantity::Yaw, args.yaw),
-        (Quantity::Pitch, args.pitch),
-        (Quantity::Roll, args.roll),
-        (Quantity::Tilt, args.tilt),
-        (Quantity::Thrust, args.thrust),
-    ])
 }
 
 fn describe(robot: &str, target: &Target, aimed: &Aimed, longest_s: f64) -> String {

@@ -30,6 +30,15 @@ impl Target {
         }
     }
 
+    /// Returns the target of yaw, pitch, roll, tilt (degrees) and thrust (N), of which some are asked for.
+    ///
+    /// # Errors
+    /// As [`Target::new`].
+    pub fn of([yaw, pitch, roll, tilt, thrust]: [Option<f64>; 5]) -> Result<Self, AimError> {
+        use Quantity::{Pitch, Roll, Thrust, Tilt, Yaw};
+        Self::new([(Yaw, yaw), (Pitch, pitch), (Roll, roll), (Tilt, tilt), (Thrust, thrust)])
+    }
+
     /// Returns the target's quantities of an attitude: degrees, and the thrust in steps of `thrust_step_n`.
     pub fn values(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
         let scaled = |quantity: Quantity| match quantity {
