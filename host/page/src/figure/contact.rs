@@ -3,7 +3,7 @@
 
 use super::forces::range;
 use super::panel::{Axis, LEFT_MM, Panel, RIGHT_MM};
-use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke};
+use super::sheet::{FONT_PT, INK, MEASURED, MM, Sheet, Stroke};
 use crate::PageError;
 use sim::contact::bundling::Bundling;
 use sim::trial::quantity::{MIN_GAP, WINDING};
@@ -63,7 +63,7 @@ fn ribbon(sheet: &mut Sheet, data: &Data, [from, to]: [f64; 2], top: f64) {
     let mut x = left;
     for (_, name, colour) in RIBBON {
         sheet.rect([x, top + RIBBON_MM * MM + 0.8 * FONT_PT], [7.0, 0.8 * FONT_PT], colour);
-        sheet.text(x + 10.0, top + RIBBON_MM * MM + 1.5 * FONT_PT, Anchor::Start, name);
+        sheet.text(x + 10.0, top + RIBBON_MM * MM + 1.5 * FONT_PT, "start", name);
         x += 24.0 + 0.56 * FONT_PT * name.len() as f64;
     }
 }

@@ -1,7 +1,7 @@
 //! The 95 % intervals of fitted parameters: a row for each parameter, a bar for each fit, and the value that the fit started from.
 
 use super::panel::{Axis, tick_text};
-use super::sheet::{Anchor, FLAGELLA, FONT_PT, GRID, INK, MEASURED, MM, MODEL, Sheet, Stroke, short};
+use super::sheet::{FLAGELLA, FONT_PT, GRID, INK, MEASURED, MM, MODEL, Sheet, Stroke, short};
 use study::plan::{Fit, FittedParameter};
 use study::text::figure;
 
@@ -58,18 +58,18 @@ pub(super) fn draw(fits: &[Named], width_mm: f64) -> String {
         let axis = Axis::about(ends, 1e-12, "");
         let at = |value: f64| left + (value - axis.low) / (axis.high - axis.low) * width;
         let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-        sheet.text(left, top + 0.8 * FONT_PT, Anchor::Start, &format!("{}{unit}", name.replace('_', " ")));
+        sheet.text(left, top + 0.8 * FONT_PT, "start", &format!("{}{unit}", name.replace('_', " ")));
         if let [(_, p, _)] = of_fits[..] {
             let [low, high] = p.interval_95.map(figure);
             let said = format!("{} ({low} to {high})", figure(p.value)).replace('-', "−");
-            sheet.text(left + width, top + 0.8 * FONT_PT, Anchor::End, &said);
+            sheet.text(left + width, top + 0.8 * FONT_PT, "end", &said);
         }
         top += 1.2 * FONT_PT;
         let bottom = top + of_fits.len() as f64 * BAR_MM * MM;
         let ticks = axis.ticks(width / 40.0);
         for value in &ticks {
             sheet.path(&format!("M{} {}V{}", short(at(*value)), short(top), short(bottom)), Stroke(GRID, 0.4, ""));
-            sheet.text(at(*value), bottom + 1.1 * FONT_PT, Anchor::Middle, &tick_text(*value, &ticks));
+            sheet.text(at(*value), bottom + 1.1 * FONT_PT, "middle", &tick_text(*value, &ticks));
         }
         for (i, (named, p, colour)) in of_fits.into_iter().enumerate() {
             let y = top + (i as f64 + 0.5) * BAR_MM * MM;
@@ -83,7 +83,7 @@ pub(super) fn draw(fits: &[Named], width_mm: f64) -> String {
     }
     let doubtful = fits.iter().any(|named| named.fit.parameters.iter().any(|p| named.doubt(p).is_some()));
     let dashed = if doubtful { "; dashed: does not hold" } else { "" };
-    sheet.text(left, top, Anchor::Start, &format!("Bars: 95 % intervals; open: start of the fit{dashed}"));
+    sheet.text(left, top, "start", &format!("Bars: 95 % intervals; open: start of the fit{dashed}"));
     sheet.svg(top + 0.6 * FONT_PT)
 }
 

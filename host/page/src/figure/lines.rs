@@ -1,7 +1,7 @@
 //! A result of a sweep over one input, a curve for each value of another.
 
 use super::panel::{Axis, LEFT_MM, Panel};
-use super::sheet::{Anchor, FONT_PT, MM, Sheet, Stroke};
+use super::sheet::{FONT_PT, MM, Sheet, Stroke};
 
 const PANEL_MM: f64 = 52.0;
 
@@ -56,7 +56,7 @@ pub(super) fn draw(curves: &[Curve], [x, y]: [&str; 2], by: &str, under: &[Strin
     let mut bottom = panel.bottom() + 3.0 * FONT_PT;
     for line in under {
         bottom += 1.2 * FONT_PT;
-        sheet.text(panel.left, bottom, Anchor::Start, line);
+        sheet.text(panel.left, bottom, "start", line);
     }
     sheet.svg(bottom + 0.6 * FONT_PT)
 }
@@ -79,7 +79,7 @@ fn legend(sheet: &mut Sheet, curves: &[Curve], by: &str) -> f64 {
     let longest = curves.iter().map(|curve| curve.name.chars().count()).max().unwrap_or(1) as f64;
     let each = 24.0 + 0.56 * FONT_PT * longest;
     let in_row = ((sheet.width - LEFT_MM * MM) / each).floor().max(1.0) as usize;
-    sheet.text(LEFT_MM * MM, 3.2 * MM, Anchor::Start, by);
+    sheet.text(LEFT_MM * MM, 3.2 * MM, "start", by);
     for (k, curve) in curves.iter().enumerate() {
         let (x, y) = (LEFT_MM * MM + (k % in_row) as f64 * each, 3.2 * MM + (1 + k / in_row) as f64 * 1.4 * FONT_PT);
         sheet.legend(x, y, &[(stroke(k), curve.name.as_str())]);

@@ -4,7 +4,7 @@
 //! [`CONTOUR_NODES`] along both axes have them.
 
 use super::panel::{Axis, Panel, tick_text};
-use super::sheet::{Anchor, FONT_PT, INK, MM, Sheet, Stroke, short};
+use super::sheet::{FONT_PT, INK, MM, Sheet, Stroke, short};
 use crate::swept::CONTOUR_NODES;
 use crate::viridis::colour;
 
@@ -109,11 +109,11 @@ pub(super) fn draw(
     for (mark, line) in legend {
         bottom += 1.2 * FONT_PT;
         mark.draw(&mut sheet, [left + 2.2, bottom - 0.35 * FONT_PT], "#ffffff");
-        sheet.text(left + 7.0, bottom, Anchor::Start, line);
+        sheet.text(left + 7.0, bottom, "start", line);
     }
     for line in under_all {
         bottom += 1.2 * FONT_PT;
-        sheet.text(left, bottom, Anchor::Start, line);
+        sheet.text(left, bottom, "start", line);
     }
     sheet.svg(bottom + 1.0 * MM)
 }
@@ -144,7 +144,7 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     let scale = Axis::new(least, if most > least { most } else { least + 1.0 }, "");
     let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
     let levels = scale.ticks(4.0);
-    sheet.text(panel.left, panel.top - 0.5 * FONT_PT, Anchor::Start, map.title);
+    sheet.text(panel.left, panel.top - 0.5 * FONT_PT, "start", map.title);
     let marked = map.surface.iter().filter(|point| !point.is_settled).chain(map.points);
     let marks: Vec<[f64; 2]> =
         (marked.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
@@ -225,14 +225,14 @@ fn frame(sheet: &mut Sheet, panel: &Panel, grid: Option<&Grid>) {
     for value in &across {
         let [x, _] = panel.at(*value, panel.y.low);
         sheet.path(&format!("M{} {}v2", short(x), short(bottom)), Stroke(INK, 0.5, ""));
-        sheet.text(x, bottom + 1.35 * FONT_PT, Anchor::Middle, &tick_text(*value, &across));
+        sheet.text(x, bottom + 1.35 * FONT_PT, "middle", &tick_text(*value, &across));
     }
     for value in &up {
         let [_, y] = panel.at(panel.x.low, *value);
         sheet.path(&format!("M{} {}h-2", short(panel.left), short(y)), Stroke(INK, 0.5, ""));
-        sheet.text(panel.left - 3.0, y + 0.35 * FONT_PT, Anchor::End, &tick_text(*value, &up));
+        sheet.text(panel.left - 3.0, y + 0.35 * FONT_PT, "end", &tick_text(*value, &up));
     }
-    sheet.text(panel.left + 0.5 * panel.width, bottom + 2.5 * FONT_PT, Anchor::Middle, &panel.x.label);
+    sheet.text(panel.left + 0.5 * panel.width, bottom + 2.5 * FONT_PT, "middle", &panel.x.label);
     sheet.upright(panel.left - 16.0, panel.top + 0.5 * panel.height, &panel.y.label);
 }
 
@@ -260,7 +260,7 @@ fn colour_bar(sheet: &mut Sheet, panel: &Panel, scale: &Axis, levels: &[f64], sh
     for level in levels {
         let y = panel.bottom() - (level - scale.low) / (scale.high - scale.low) * panel.height;
         sheet.path(&format!("M{} {}h{width}", short(left), short(y)), Stroke("#ffffff", 0.5, ""));
-        sheet.text(left + width + 1.5, y + 0.35 * FONT_PT, Anchor::Start, &tick_text(*level, levels));
+        sheet.text(left + width + 1.5, y + 0.35 * FONT_PT, "start", &tick_text(*level, levels));
     }
 }
 

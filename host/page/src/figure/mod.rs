@@ -103,7 +103,7 @@ impl Figure {
     /// # Errors
     /// [`PageError`].
     pub fn content(&self, format: Format) -> Result<Vec<u8>, PageError> {
-        self.provenance.add(output::encode(&self.svg, format)?, format)
+        self.provenance.add(print::convert(&self.svg, format)?, format)
     }
 
     /// Writes its file.

@@ -2,8 +2,6 @@
 //!
 //! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide.
 
-use super::print;
-use crate::PageError;
 use std::path::Path;
 use study::output::{OutputError, ending};
 
@@ -28,16 +26,5 @@ impl Format {
     /// [`OutputError::Ending`].
     pub fn of(path: &Path) -> Result<Self, OutputError> {
         Ok([Self::Svg, Self::Pdf, Self::Png][ending(path, Self::ENDINGS)?])
-    }
-}
-
-/// Returns the content of a figure's file.
-///
-/// # Errors
-/// As [`print::convert`].
-pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, PageError> {
-    match format {
-        Format::Svg => Ok(svg.as_bytes().to_vec()),
-        Format::Pdf | Format::Png => print::convert(svg, format),
     }
 }

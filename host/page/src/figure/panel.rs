@@ -1,6 +1,6 @@
 //! Axes, and a panel with two of them.
 
-use super::sheet::{Anchor, FONT_PT, GRID, INK, MM, Sheet, Stroke, short};
+use super::sheet::{FONT_PT, GRID, INK, MM, Sheet, Stroke, short};
 use crate::ticks;
 use study::text::decimal;
 
@@ -84,17 +84,17 @@ impl Panel {
             let [x, _] = self.at(*value, self.y.low);
             sheet.path(&format!("M{} {}V{}", short(x), short(self.top), short(bottom)), Stroke(GRID, 0.4, ""));
             if has_x {
-                sheet.text(x, bottom + 1.25 * FONT_PT, Anchor::Middle, &tick_text(*value, &across));
+                sheet.text(x, bottom + 1.25 * FONT_PT, "middle", &tick_text(*value, &across));
             }
         }
         for value in &up {
             let [_, y] = self.at(self.x.low, *value);
             sheet.path(&format!("M{} {}H{}", short(self.left), short(y), short(right)), Stroke(GRID, 0.4, ""));
-            sheet.text(self.left - 2.5, y + 0.35 * FONT_PT, Anchor::End, &tick_text(*value, &up));
+            sheet.text(self.left - 2.5, y + 0.35 * FONT_PT, "end", &tick_text(*value, &up));
         }
         self.border(sheet);
         if has_x {
-            sheet.text(self.left + 0.5 * self.width, bottom + 2.6 * FONT_PT, Anchor::Middle, &self.x.label);
+            sheet.text(self.left + 0.5 * self.width, bottom + 2.6 * FONT_PT, "middle", &self.x.label);
         }
     }
 

@@ -1,4 +1,4 @@
-//! A figure as PDF or PNG, with the shapes of its font inside.
+//! A figure as the content of its file; PDF and PNG have the shapes of its font inside.
 
 use super::Format;
 use crate::PageError;
@@ -11,11 +11,14 @@ const FONT: &[u8] = include_bytes!("font/LiberationSans-Regular.ttf");
 /// Pixels of a PNG for each point: 600 dpi.
 const PNG_SCALE: f32 = 600.0 / 72.0;
 
-/// Converts a figure.
+/// Returns the content of a figure's file.
 ///
 /// # Errors
 /// [`PageError::Convert`] if the figure cannot be converted, for instance because a PNG would be too large.
 pub(super) fn convert(svg: &str, format: Format) -> Result<Vec<u8>, PageError> {
+    if format == Format::Svg {
+        return Ok(svg.as_bytes().to_vec());
+    }
     let failed = |reason: String| PageError::Convert { reason };
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(FONT)));

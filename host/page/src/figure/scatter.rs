@@ -1,7 +1,7 @@
 //! Predicted against measured steady angles, with 95 % bars of the measurement and the model's own error.
 
 use super::panel::{Axis, Panel};
-use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke, short};
+use super::sheet::{FONT_PT, INK, MEASURED, MM, Sheet, Stroke, short};
 use study::text::{capitalised, decimal};
 use study::twin::{Comparison, Sides};
 
@@ -61,10 +61,10 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
             sheet.dot([x, y], 1.4, fill, edge);
         }
         if some_unknown {
-            sheet.text(panel.left + 3.0, panel.top + 1.4 * FONT_PT, Anchor::Start, "open: uncertainty unknown");
+            sheet.text(panel.left + 3.0, panel.top + 1.4 * FONT_PT, "start", "open: uncertainty unknown");
         }
         let text = format!("RMS error {}°", decimal(rms, 2));
-        sheet.text(panel.left + size - 3.0, panel.bottom() - 3.0, Anchor::End, &text);
+        sheet.text(panel.left + size - 3.0, panel.bottom() - 3.0, "end", &text);
     }
     let rows = ANGLES.len().div_ceil(columns) as f64;
     sheet.svg(rows * (top + size + under))

@@ -22,24 +22,6 @@ pub(super) const FLAGELLA: [&str; 2] = ["#cc79a7", "#009e73"];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stroke<'a>(pub &'a str, pub f64, pub &'static str);
 
-/// Where a text has its anchor.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Anchor {
-    Start,
-    Middle,
-    End,
-}
-
-impl Anchor {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Start => "start",
-            Self::Middle => "middle",
-            Self::End => "end",
-        }
-    }
-}
-
 /// A sheet of a fixed width, as high as what is drawn on it.
 #[derive(Debug)]
 pub(super) struct Sheet {
@@ -57,9 +39,9 @@ impl Sheet {
         self.body += &element.0;
     }
 
-    /// Writes a text whose baseline is at `y`.
-    pub fn text(&mut self, x: f64, y: f64, anchor: Anchor, text: &str) {
-        self.add(&html! { text x=(short(x)) y=(short(y)) text-anchor=(anchor.name()) { (text) } });
+    /// Writes a text whose baseline is at `y`. `anchor`: its point at `x`, by SVG's names `start`, `middle` and `end`.
+    pub fn text(&mut self, x: f64, y: f64, anchor: &str, text: &str) {
+        self.add(&html! { text x=(short(x)) y=(short(y)) text-anchor=(anchor) { (text) } });
     }
 
     /// Writes a text, centred, that is legible on any colour.
@@ -133,7 +115,7 @@ impl Sheet {
         let mut x = x;
         for (stroke, name) in entries {
             self.path(&format!("M{} {}h14", short(x), short(y - 0.35 * FONT_PT)), *stroke);
-            self.text(x + 17.0, y, Anchor::Start, name);
+            self.text(x + 17.0, y, "start", name);
             x += 24.0 + 0.52 * FONT_PT * name.chars().count() as f64;
         }
     }

@@ -1,6 +1,6 @@
 //! A film strip: the robot at some moments of a trial, side by side.
 
-use super::sheet::{Anchor, FONT_PT, MM, Sheet};
+use super::sheet::{FONT_PT, MM, Sheet};
 use crate::PageError;
 use crate::film::{Moving, Seen, shown};
 use study::text::decimal;
@@ -56,7 +56,7 @@ pub(super) fn draw(
         let angles = [("ψ", yaw), ("θ", pitch)].map(|(name, angle)| format!("{name} {}°", decimal(angle, 1)));
         for (line, text) in texts.iter().chain(&angles).enumerate() {
             let y = top + height + (line as f64 + 1.2) * LINE_PT;
-            sheet.text(middle, y, Anchor::Middle, &text.replace('-', "−"));
+            sheet.text(middle, y, "middle", &text.replace('-', "−"));
         }
     }
     Ok(sheet.svg(top + height + 3.9 * LINE_PT))

@@ -3,7 +3,7 @@
 use super::parameters;
 use super::text::{clip, degrees, number, plain};
 use super::view::{ModelRobot, View};
-use biflag_log::{Identity, ImportMeta};
+use biflag_log::{BoardMeta, Identity, ImportMeta};
 use maud::{Markup, html};
 use sim::trial::quantity::{self, Place};
 use study::text::{rest as rest_text, word};
@@ -91,8 +91,8 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     let mut facts = vec![("Log", view.log.display().to_string())];
     facts.extend(compared(view));
     if let Some(trial) = &records.trial {
-        facts
-            .push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
+        let (number, repeat, attempt) = (trial.index + 1, trial.repeat, trial.attempt);
+        facts.push(("Trial", format!("number {number}, repeat {repeat}, attempt {attempt}")));
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
@@ -113,15 +113,11 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
             facts.push(("Model", format!("closure {}, {rate} samples per second", word(&model.closure))));
         }
         (None, Some(board)) => {
-            let (version, hash) = (&board.firmware, &board.firmware_git_hash);
-            facts.push(("Firmware", format!("{version} ({hash}), protocol {}", board.protocol)));
-            facts.push((
-                "Board",
-                format!(
-                    "number {}, IMU {:#04x}, start {}, last reset by {}",
-                    board.board_id, board.imu_id, board.boot_count, board.reset_cause
-                ),
-            ));
+            let BoardMeta { firmware, firmware_git_hash, protocol, board_id, imu_id, boot_count, reset_cause, .. } =
+                board;
+            facts.push(("Firmware", format!("{firmware} ({firmware_git_hash}), protocol {protocol}")));
+            let start = format!("start {boot_count}, last reset by {reset_cause}");
+            facts.push(("Board", format!("number {board_id}, IMU {imu_id:#04x}, {start}")));
         }
         (None, None) => {}
     }
@@ -154,11 +150,9 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         facts.push(("Imported from", format!("{source}, SHA-256 {source_sha256}")));
         facts.push(("Columns", columns.clone()));
         if let (Some(offset_s), Some(rate_ppm)) = (import.clock_offset_s, import.clock_rate_ppm) {
-            let (offset, rate) = (number(offset_s, 3), number(rate_ppm, 0));
-            facts.push((
-                "Clock and motors",
-                format!("of {}: {offset} s at the table’s zero, {rate} ppm faster", import.trial),
-            ));
+            let (trial, offset, rate) = (&import.trial, number(offset_s, 3), number(rate_ppm, 0));
+            let clock = format!("of {trial}: {offset} s at the table’s zero, {rate} ppm faster");
+            facts.push(("Clock and motors", clock));
         }
     }
     let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();

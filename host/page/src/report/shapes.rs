@@ -18,13 +18,9 @@ const TIGHT: usize = 150_000;
 /// Returns the shapes as data of the page's script, in about `text_bytes` bytes; without shapes, the helices at rest.
 pub(super) fn page(shapes: &Shapes, robot: &Robot, text_bytes: usize) -> Value {
     let feet = robot.shaft_feet();
-    let rest;
-    let (frames, rigid) = if shapes.is_empty() {
-        rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(robot) }];
-        (&rest[..], true)
-    } else {
-        (shapes.all(), false)
-    };
+    let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(robot) }];
+    let rigid = shapes.is_empty();
+    let frames = if rigid { &rest[..] } else { shapes.all() };
     let nodes = frames[0].lines[0].len();
     let stride = if text_bytes < TIGHT && !rigid { 2 } else { 1 };
     // The tip is always drawn.
