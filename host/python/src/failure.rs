@@ -11,7 +11,7 @@ use study::aim::AimError;
 use study::output::OutputError;
 use study::plan::PlanError;
 use study::sweep::SweepError;
-use study::text::word;
+use study::text::{with_causes, word};
 use study::twin::TwinError;
 
 /// Why a function failed.
@@ -61,15 +61,7 @@ impl Failure {
 
     /// Returns a failure with its causes and its help. One that the command line calls wrong use is a wrong argument.
     pub fn of(error: &dyn Diagnostic) -> Self {
-        let mut text = error.to_string();
-        let mut source = error.source();
-        while let Some(cause) = source {
-            let message = cause.to_string();
-            if !text.contains(&message) {
-                text += &format!(": {message}");
-            }
-            source = cause.source();
-        }
+        let text = with_causes(error).join(": ");
         let is_wrong_use = error.code().is_some_and(|code| code.to_string() == study::WRONG_USE);
         let class = if is_wrong_use { PARAMETER } else { ERROR };
         let help = error.help().map(|help| help.to_string()).unwrap_or_default();

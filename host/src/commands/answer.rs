@@ -6,9 +6,10 @@
 use super::usage;
 use crate::colour;
 use crate::signals::{INTERRUPTED, is_interrupted};
-use crate::text::{json_without, printable};
+use crate::text::{json_without, printable, with_causes};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
+use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -39,6 +40,11 @@ impl Outcome {
 }
 
 pub use study::WRONG_USE;
+
+/// Returns the error of a wrong use: what is wrong, and what to do.
+pub fn wrong_use(what: impl Display, help: &str) -> Report {
+    miette::miette!(code = WRONG_USE, help = help, "{what}")
+}
 
 /// The result of a command.
 #[derive(Debug)]
@@ -167,7 +173,7 @@ fn exit_code(result: &miette::Result<Answer>) -> u8 {
 
 fn error_json(report: &Report) -> serde_json::Value {
     serde_json::json!({
-        "error": chain(report.as_ref()).join(": "),
+        "error": with_causes(report.as_ref()).join(": "),
         "help": report.help().map(|help| help.to_string()),
     })
 }
@@ -176,26 +182,12 @@ fn error_json(report: &Report) -> serde_json::Value {
 fn describe(error: &dyn Diagnostic) -> String {
     // A message of several lines, perhaps of a file's text, is indented, so that it cannot pass for another error.
     let indented = |text: &str| text.trim_end().replace('\n', "\n    ");
-    let messages: Vec<_> = chain(error).iter().map(|message| indented(message)).collect();
+    let messages: Vec<_> = with_causes(error).iter().map(|message| indented(message)).collect();
     let mut text = format!("error: {}\n", messages.join("\n  because: "));
     if let Some(help) = error.help() {
         text += &format!("  help: {}\n", indented(&help.to_string()));
     }
     printable(&text)
-}
-
-/// Returns the error and its causes. Libraries often repeat a cause in the message; it is then left out.
-fn chain(error: &dyn Diagnostic) -> Vec<String> {
-    let mut messages = vec![error.to_string()];
-    let mut source = error.source();
-    while let Some(cause) = source {
-        let message = cause.to_string();
-        if !messages.iter().any(|seen| seen.contains(&message)) {
-            messages.push(message);
-        }
-        source = cause.source();
-    }
-    messages
 }
 
 #[cfg(test)]

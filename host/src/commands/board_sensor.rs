@@ -1,11 +1,12 @@
 //! What is known of the sensor of a board before trials: the file that the plan names, or the scales that the board keeps.
 
+use super::answer::wrong_use;
+use super::sensor::percent;
 use super::settings;
 use crate::link::Link;
 use crate::plan::Plan;
 use crate::run::rig::note as board_note;
 use biflag_log::MeasuredSensorMeta;
-use study::WRONG_USE;
 use study::sensor::{AXES, MeasuredSensor, note};
 
 /// Scales that differ by more of their standard uncertainties are of two sensors, or one of them is old.
@@ -26,12 +27,8 @@ pub fn complete(plan: &mut Plan, link: &Link) -> miette::Result<Option<String>> 
     };
     let of_file = MeasuredSensor::parse(&file.text, &file.name)?;
     if let Some(why) = of_file.mismatch(&settings) {
-        return Err(miette::miette!(
-            code = WRONG_USE,
-            help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`",
-            "{} is of another sensor: {why}",
-            file.name
-        ));
+        let help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`";
+        return Err(wrong_use(format!("{} is of another sensor: {why}", file.name), help));
     }
     Ok(kept.and_then(|kept| difference(&of_file, &kept, &file.name)))
 }
@@ -41,15 +38,9 @@ fn difference(file: &MeasuredSensor, kept: &MeasuredSensor, name: &str) -> Optio
     AXES.into_iter().find_map(|axis| {
         let (one, other) = (file.get("gyro_scale", axis)?, kept.get("gyro_scale", axis)?);
         let is_apart = (one.value - other.value).abs() > APART * one.u.hypot(other.u);
-        is_apart.then(|| {
-            format!(
-                "the gyroscope's scale about {axis} is {} in {name} ({}), and {} on the board ({}): use the file of the latest \
-                 measurement",
-                super::sensor::percent(one),
-                file.date,
-                super::sensor::percent(other),
-                kept.date
-            )
-        })
+        let of_file = format!("{} in {name} ({})", percent(one), file.date);
+        let of_board = format!("{} on the board ({})", percent(other), kept.date);
+        let scales = format!("the gyroscope's scale about {axis} is {of_file}, and {of_board}");
+        is_apart.then(|| format!("{scales}: use the file of the latest measurement"))
     })
 }

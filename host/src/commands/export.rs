@@ -1,6 +1,6 @@
 //! `biflag export`: exports trials to other formats.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::findings::{are_slight, lines_of_logs};
 use crate::export::{Format, export_log, export_session};
 use crate::output::{ending, has_ending};
@@ -48,12 +48,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let endings: Vec<_> = formats.iter().map(|format| format.extension()).collect();
     let named = args.output.as_deref().filter(|output| !is_session && has_ending(output));
     if let Some(file) = args.output.as_deref().filter(|output| is_session && ending(output, &endings).is_ok()) {
-        return Err(miette::miette!(
-            code = WRONG_USE,
-            help = "name a folder, and choose the files' format with -f",
-            "{}: a session is exported into a folder, with a file for each trial",
-            file.display()
-        ));
+        let what = format!("{}: a session is exported into a folder, with a file for each trial", file.display());
+        return Err(wrong_use(what, "name a folder, and choose the files' format with -f"));
     }
     let format = formats[named.map_or(Ok(0), |output| ending(output, &endings))?];
     let output = args.output.clone().unwrap_or_else(|| {

@@ -1,6 +1,6 @@
 //! `biflag import`: a trial that other instruments measured, as a log.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{pair, span, speeds, within, written_as};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
@@ -77,11 +77,8 @@ fn which_columns(table: &str, header: &[String]) -> miette::Report {
         [] => "has no names of columns, so that they are #1, #2, ...".to_owned(),
         names => format!("has the columns {}", names.join(", ")),
     };
-    miette::miette!(
-        code = WRONG_USE,
-        help = "say which is what with --columns, as in `time=t,yaw=-psi:rad,pitch=p,roll=0`; `biflag import --help` lists quantities and units",
-        "{table} {has}"
-    )
+    let help = "say which is what with --columns, as in `time=t,yaw=-psi:rad,pitch=p,roll=0`; `biflag import --help` lists quantities and units";
+    wrong_use(format!("{table} {has}"), help)
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -132,12 +129,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let (Value::Object(body), Ok(Value::Object(angles))) = (&mut body, serde_json::to_value(&angles)) {
         body.extend(angles);
     }
-    let mut found = String::new();
-    if let (Value::Object(body), Some(beside)) = (&mut body, &conditions.beside) {
-        body.insert("trial".to_owned(), beside.trial.clone().into());
-        body.insert("clock".to_owned(), serde_json::to_value(beside.clock).unwrap_or_default());
-        found = format!("\n{beside}");
-    }
+    let found = conditions.beside.as_ref().map_or_else(String::new, |beside| format!("\n{beside}"));
     let [from, to] = [run_s.start, run_s.end].map(|time| decimal(time, 2));
     let steady = angles.map_or_else(String::new, |angles| format!("\nsteady: {angles}"));
     let text = printable(&format!(
@@ -149,5 +141,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         args.trial.as_ref().map_or_else(String::new, |trial| format!("{} ", quoted(&trial.to_string_lossy()))),
         quoted(&log)
     ));
-    Answer::new(Outcome::of(are_slight(&findings)), &body, text)
+    let answer = Answer::new(Outcome::of(are_slight(&findings)), &body, text)?;
+    Ok(match &conditions.beside {
+        Some(beside) => answer.with("trial", &beside.trial).with("clock", beside.clock),
+        None => answer,
+    })
 }

@@ -62,7 +62,6 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "steady": records.steady,
     });
     let is_sound = clean && !findings.iter().any(|finding| finding.grave);
-    let outcome = Outcome::of(is_sound);
     // A log that is being recorded has no end yet.
     let is_open = data.condition == Condition::CutOff && is_being_recorded(path);
     let mut text = describe(path, &data, &zeroed, is_open);
@@ -70,7 +69,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
     let shown = findings.iter().filter(|_| !is_open);
     shown.for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
     not_judged.iter().filter(|_| !is_open).for_each(|why| _ = writeln!(text, "not judged: {why}"));
-    Answer::new(outcome, &body, text)
+    Answer::new(Outcome::of(is_sound), &body, text)
 }
 
 /// Lines with a name and a value. Lines without a value are left out.

@@ -58,13 +58,8 @@ fn play(log: &Path, args: &Args, interrupted: &AtomicBool) -> miette::Result<Ans
         false => live::Played::default(),
     };
     progress.finish();
-    let outcome = if !played.complete {
-        Outcome::Interrupted
-    } else if !data.condition.is_whole() {
-        Outcome::WithLoss
-    } else {
-        Outcome::Done
-    };
+    let is_whole = data.condition.is_whole();
+    let outcome = if played.complete { Outcome::of(is_whole) } else { Outcome::Interrupted };
     let text = format!("{:.1} s of {} played, {} messages", played.played_s, log.display(), played.messages);
     Answer::new(outcome, &json!({ "url": live.url(), "log": log.to_string_lossy(), "played": played }), text)
 }

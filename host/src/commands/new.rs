@@ -1,6 +1,6 @@
 //! `biflag new`: a plan to begin with.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::options::written_as;
 use crate::output::{self, OutputError};
 use crate::plan::{EXAMPLE, Plan};
@@ -20,13 +20,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let path = args.file.display();
     match output::write_new(&args.file, EXAMPLE) {
         Err(OutputError::Exists { .. }) => {
-            return Err(miette::miette!(
-                code = WRONG_USE,
-                help = format!(
-                    "name another file, such as `biflag new my-plan.toml`; `biflag plan check {path}` reads this one"
-                ),
-                "{path} exists already"
-            ));
+            let check = format!("`biflag plan check {path}` reads this one");
+            let help = format!("name another file, such as `biflag new my-plan.toml`; {check}");
+            return Err(wrong_use(format!("{path} exists already"), &help));
         }
         written => written?,
     }

@@ -1,6 +1,6 @@
 //! `biflag pack`: a session as one archive.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::findings::{are_slight, lines_of_logs};
 use super::options::written_as;
 use crate::pack::{About, pack};
@@ -41,12 +41,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let folder = full_path(&args.session).unwrap_or_else(|_| args.session.clone());
     let out = args.output.clone().unwrap_or_else(|| folder.with_added_extension("zip"));
     if out.parent().and_then(|parent| full_path(parent).ok()).is_some_and(|parent| parent == folder) {
-        return Err(miette::miette!(
-            code = WRONG_USE,
-            help = "name a file in another folder with -o",
-            "{}: is in the folder that is packed",
-            out.display()
-        ));
+        let what = format!("{}: is in the folder that is packed", out.display());
+        return Err(wrong_use(what, "name a file in another folder with -o"));
     }
     let about = About {
         author: args.author.clone().unwrap_or_else(|| session.plan().operator.clone()),

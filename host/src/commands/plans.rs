@@ -1,9 +1,8 @@
 //! `biflag plans`: the plans and robot files inside the program.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use crate::plan::Shipped;
 use biflag_log::similar::suggest;
-use miette::miette;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
@@ -24,7 +23,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(name) = &args.name {
         let file = Shipped::find(Path::new(name)).ok_or_else(|| {
             let help = suggest(name, Shipped::all().map(|file| file.name), "`biflag plans` lists them");
-            miette!(code = WRONG_USE, help = help, "no plan or robot file is called {name:?}")
+            wrong_use(format!("no plan or robot file is called {name:?}"), &help)
         })?;
         return Answer::new(Outcome::Done, &json!({ "name": file.name, "text": file.text }), file.text);
     }

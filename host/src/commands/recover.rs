@@ -1,6 +1,6 @@
 //! `biflag recover`: writes an intact log from one that is cut off or damaged, and rebuilds a session's manifest.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::options::written_as;
 use crate::session::{self, Rebuilt, SessionError};
 use crate::text::count;
@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None if args.path.is_dir() => session(&args.path),
         Some(_) if args.path.is_dir() => {
             let help = "name one of its logs, or leave out -o to rebuild its session.toml";
-            Err(miette::miette!(code = WRONG_USE, help = help, "{}: is a folder, not a log", args.path.display()))
+            Err(wrong_use(format!("{}: is a folder, not a log", args.path.display()), help))
         }
         _ => log(args),
     }

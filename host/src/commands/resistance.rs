@@ -1,6 +1,6 @@
 //! `biflag resistance`: prints the resistance matrix of the rigid robot.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::options::pair;
 use crate::plan::robot;
 use serde_json::json;
@@ -39,9 +39,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
     let phase_deg = args.phase;
-    let found = resistance(&robot, &phase_deg.map(f64::to_radians)).map_err(|error| {
-        miette::miette!(code = WRONG_USE, help = "correct the robot file", "{}: {error}", file.name)
-    })?;
+    let found = resistance(&robot, &phase_deg.map(f64::to_radians))
+        .map_err(|error| wrong_use(format!("{}: {error}", file.name), "correct the robot file"))?;
     let matrix: Vec<Vec<f64>> = found.matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
     let parts = parts(phase_deg.len());
     let text = describe(&file.name, &robot, phase_deg, &parts, &found);

@@ -56,7 +56,7 @@ impl Entry {
 }
 
 /// The files, and what is to be said about them.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Content {
     /// Folder of the files that are made.
     pub made: PathBuf,
@@ -69,13 +69,7 @@ pub(super) struct Content {
 impl Content {
     /// Makes the page, tables and figures of a session in the folder `made`, and lists all files.
     pub fn of(session: &Session, made: &Path, about: &About, progress: &Progress) -> miette::Result<Self> {
-        let mut content = Self {
-            made: made.to_owned(),
-            entries: Vec::new(),
-            findings: Vec::new(),
-            notes: Vec::new(),
-            is_sound: true,
-        };
+        let mut content = Self { made: made.to_owned(), is_sound: true, ..Self::default() };
         content.add_inputs(session.plan())?;
         content.add_session(session.folder())?;
         progress.phase("pack", "page");

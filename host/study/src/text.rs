@@ -2,6 +2,7 @@
 
 use biflag_log::{ClockMeta, Origin, RestMeta};
 use serde::Serializer;
+use std::error::Error;
 use std::path::Path;
 
 /// Formats a number with a noun: `1 trial`, `2 trials`.
@@ -135,6 +136,18 @@ fn is_unprintable(c: char) -> bool {
     let is_direction =
         matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     is_direction || c.is_control() && c != '\n' && c != '\t'
+}
+
+/// Returns an error and its causes. Libraries often repeat a cause in the message; it is then left out.
+pub fn with_causes(error: &dyn Error) -> Vec<String> {
+    let mut messages = vec![error.to_string()];
+    for cause in std::iter::successors(error.source(), |&cause| cause.source()) {
+        let message = cause.to_string();
+        if !messages.iter().any(|seen| seen.contains(&message)) {
+            messages.push(message);
+        }
+    }
+    messages
 }
 
 /// Returns a sentence with a capital at its start.

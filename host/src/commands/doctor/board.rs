@@ -6,8 +6,8 @@ use crate::link::Link;
 use crate::plan::board;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{commit_text, fault_log, preflight};
-use protocol::SpeedFrom;
 use protocol::units::imu_part;
+use protocol::{Info, SpeedFrom};
 
 /// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
 pub fn checks(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
@@ -21,17 +21,10 @@ pub fn checks(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
 }
 
 fn firmware(link: &Link) -> Finding {
-    let info = link.info();
-    let [major, minor, patch] = info.firmware;
-    let detail = format!(
-        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?}), {} bytes of RAM left",
-        commit_text(info.git_hash, info.git_dirty),
-        info.protocol,
-        info.board_id,
-        info.boot_count,
-        info.reset_cause,
-        info.ram_left,
-    );
+    let info @ Info { protocol, board_id, boot_count, reset_cause, ram_left, .. } = link.info();
+    let ([major, minor, patch], commit) = (info.firmware, commit_text(info.git_hash, info.git_dirty));
+    let board = format!("board {board_id}, start {boot_count} ({reset_cause:?}), {ram_left} bytes of RAM left");
+    let detail = format!("firmware {major}.{minor}.{patch} ({commit}), protocol {protocol}, {board}");
     match (info.imu_id, imu_part(info.imu_id)) {
         (0, _) => Err((
             format!("{detail}, but its IMU does not respond"),

@@ -1,6 +1,6 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
-use super::super::answer::{Answer, Outcome, WRONG_USE};
+use super::super::answer::{Answer, Outcome, WRONG_USE, wrong_use};
 use super::super::options::cores;
 use super::args::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time};
@@ -61,24 +61,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Outcome::Failed
     } else if done < count {
         Outcome::Interrupted
-    } else if trials.iter().any(|trial| trial.steady.as_ref().is_some_and(|steady| !steady.settled)) {
-        Outcome::WithLoss
     } else {
-        Outcome::Done
+        Outcome::of(trials.iter().all(|trial| trial.steady.as_ref().is_none_or(|steady| steady.settled)))
     };
     let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
     let trials = Row::of(session.plan(), trials);
     let means = trials.iter().filter_map(Row::mean);
     let notes: Vec<_> =
         note_on_phases(&session.plan().trials, means).into_iter().chain(note_on_grid(&session.plan().text)).collect();
-    let mut text = String::new();
-    for mean in trials.iter().filter_map(Row::mean) {
-        text += &format!("{mean}\n");
-    }
+    let mut text: String = trials.iter().filter_map(Row::mean).map(|mean| format!("{mean}\n")).collect();
     text += &format!("session {}: {} computed{speed}{rest}", folder.display(), text::count(done, "trial"));
-    for note in &notes {
-        text += &format!("\nnote: {note}");
-    }
+    text.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials, notes }, text)
 }
 
@@ -103,7 +96,7 @@ fn plan(args: &Args) -> miette::Result<Plan> {
     }
     if plan.method == Method::Steady && plan.trials.iter().any(|trial| trial.reverse.is_some()) {
         let help = "leave out --method, or remove reverse from the plan";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "the method `steady` cannot compute a reversal"));
+        return Err(wrong_use("the method `steady` cannot compute a reversal", help));
     }
     Ok(plan)
 }
@@ -133,7 +126,7 @@ fn open(folder: &Path, plan: &Plan, mine: &[&Trial], args: &Args) -> miette::Res
 fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<SimulatedTrial> {
     let differs = |how: &str| {
         let help = "name another folder with --out, or continue as the session began";
-        Err(miette::miette!(code = WRONG_USE, help = help, "{}: {how}", log.display()))
+        Err(wrong_use(format!("{}: {how}", log.display()), help))
     };
     if !last_meta::<Identity>(log)?.is_some_and(|identity| program::wrote(&identity)) {
         return differs("computed by another version of biflag");

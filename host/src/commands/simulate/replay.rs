@@ -52,10 +52,8 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
         Outcome::Failed
     } else if replays.interrupted {
         Outcome::Interrupted
-    } else if !replays.skipped.is_empty() || replayed().any(|trial| !settled(trial)) || !are_slight(&findings) {
-        Outcome::WithLoss
     } else {
-        Outcome::Done
+        Outcome::of(replays.skipped.is_empty() && replayed().all(settled) && are_slight(&findings))
     };
     let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
     let count = computed.count();

@@ -8,7 +8,7 @@ mod rig;
 
 pub use args::Args;
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::virtual_board;
 use crate::link::LinkError;
 use crate::plan::robot;
@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         Err(report) if matches!(report.downcast_ref(), Some(SessionError::Exists { .. })) => {
             let help = "name another folder with --out: a run that is steered begins anew";
-            return Err(miette::miette!(code = WRONG_USE, help = help, "{report}"));
+            return Err(wrong_use(report, help));
         }
         ran => ran?,
     };
@@ -65,10 +65,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return Answer::failed(&steered, report);
     }
     let is_sound = steered.reached_s.is_some() && !steered.findings.iter().any(|finding| finding.grave);
-    let outcome = match is_sound {
-        _ if ran.interrupted => Outcome::Interrupted,
-        true => Outcome::Done,
-        false => Outcome::WithLoss,
-    };
+    let outcome = if ran.interrupted { Outcome::Interrupted } else { Outcome::of(is_sound) };
     Answer::new(outcome, &steered, steered.to_string())
 }

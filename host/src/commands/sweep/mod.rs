@@ -6,7 +6,7 @@ mod progress;
 
 pub use args::Args;
 
-use super::answer::{Answer, Outcome};
+use super::answer::{Answer, Outcome, wrong_use};
 use super::options::cores;
 use crate::session;
 use crate::signals::interruption;
@@ -27,9 +27,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (Some(Action::Status { folder, failed, shards }), _) => status(folder, *failed, *shards),
         (Some(Action::Slurm(args)), _) => slurm(args),
         (None, Some(plan)) => compute(args, plan),
-        (None, None) => {
-            Err(miette::miette!(code = super::answer::WRONG_USE, help = "see biflag sweep --help", "no plan is given"))
-        }
+        (None, None) => Err(wrong_use("no plan is given", "see biflag sweep --help")),
     }
 }
 
