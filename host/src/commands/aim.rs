@@ -125,18 +125,14 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed, longest_s: f64) -> Stri
     }
     // Writing to a string cannot fail.
     if !aimed.is_complete() {
-        let _ = writeln!(
-            text,
-            "\nwarning: the {time} were over before the model had answered everything; --for gives it longer"
-        );
+        let over = format!("the {time} were over before the model had answered everything");
+        let _ = writeln!(text, "\nwarning: {over}; --for gives it longer");
     }
     for Proposal { w1_rpm, w2_rpm, attitude } in &aimed.unfinished {
         let [w1, w2] = [w1_rpm, w2_rpm].map(|rpm| decimal(*rpm, 2));
         let [yaw, pitch, roll] = attitude.angles_deg().map(|angle| decimal(angle, 2));
-        let _ = writeln!(
-            text,
-            "  not finished: w1 {w1}, w2 {w2} rpm, which the table gives (yaw {yaw}°, pitch {pitch}°, roll {roll}° there)"
-        );
+        let there = format!("yaw {yaw}°, pitch {pitch}°, roll {roll}° there");
+        let _ = writeln!(text, "  not finished: w1 {w1}, w2 {w2} rpm, which the table gives ({there})");
     }
     for Doubt { reason, is_grave } in &aimed.doubts {
         let label = if *is_grave { "warning" } else { "note" };
@@ -170,14 +166,9 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
         let parts: Vec<_> = parts.map(|(deg, sign, of)| format!("{sign}{}° by {of}", decimal(*deg, 2))).collect();
         text += &if parts.is_empty() { "\n".to_owned() } else { format!(", with {}\n", parts.join(" and ")) };
     }
-    let error = decimal(solution.error_deg, 2);
+    let [tilt, thrust, error] = [solution.tilt_deg, 1e3 * thrust_n, solution.error_deg].map(|value| decimal(value, 2));
     let phase = Ratio::of(state.rpm()).map_or("", |_| "; these hold for one starting phase of the flagella");
-    let _ = writeln!(
-        text,
-        "  tilt   {:>8}°  thrust {} mN, misses by {error}°{phase}",
-        decimal(solution.tilt_deg, 2),
-        decimal(1e3 * thrust_n, 2)
-    );
+    let _ = writeln!(text, "  tilt   {tilt:>8}°  thrust {thrust} mN, misses by {error}°{phase}");
     let some = if interval.contact_by_phase == Some(true) { " (not at all starting phases)" } else { "" };
     let none = if solution.unknown.contains(&Unknown::ContactChange) {
         "change of contact unknown: the time was over"
@@ -185,18 +176,10 @@ fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
         "no change of contact found"
     };
     let change = solution.contact_change.map_or(none.to_owned(), |change| {
-        format!(
-            "contact changes {} rpm away, at ({}, {}) rpm",
-            decimal(change.rpm, 0),
-            decimal(change.at_rpm[0], 0),
-            decimal(change.at_rpm[1], 0)
-        )
+        let [away, w1, w2] = [change.rpm, change.at_rpm[0], change.at_rpm[1]].map(|rpm| decimal(rpm, 0));
+        format!("contact changes {away} rpm away, at ({w1}, {w2}) rpm")
     });
-    let _ = writeln!(
-        text,
-        "  flagella {}{some}, smallest gap {} mm; {change}",
-        word(&state.contact),
-        decimal(1e3 * state.min_gap_m, 1)
-    );
+    let (contact, gap) = (word(&state.contact), decimal(1e3 * state.min_gap_m, 1));
+    let _ = writeln!(text, "  flagella {contact}{some}, smallest gap {gap} mm; {change}");
     text
 }

@@ -109,23 +109,13 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
         text.push('\n');
     }
     let mount = &calibration.mounting;
-    let _ = writeln!(
-        text,
-        "sensor at rest: pitch {}, roll {} deg",
-        text::decimal(mount.pitch_deg, 2),
-        text::decimal(mount.roll_deg, 2)
-    );
+    let [pitch, roll] = [mount.pitch_deg, mount.roll_deg].map(|deg| text::decimal(deg, 2));
+    let _ = writeln!(text, "sensor at rest: pitch {pitch}, roll {roll} deg");
     let (before, after) = (calibration.rmse_before_deg, calibration.rmse_after_deg);
-    let _ = writeln!(
-        text,
-        "RMSE {before:.3} deg before, {after:.3} deg after, over {}",
-        text::count(calibration.trials.len(), "trial")
-    );
-    let _ = writeln!(
-        text,
-        "condition number of the correlations {:.0} (if large, the parameters are hardly separable)",
-        calibration.condition_number
-    );
+    let trials = text::count(calibration.trials.len(), "trial");
+    let _ = writeln!(text, "RMSE {before:.3} deg before, {after:.3} deg after, over {trials}");
+    let number = format!("condition number of the correlations {:.0}", calibration.condition_number);
+    let _ = writeln!(text, "{number} (if large, the parameters are hardly separable)");
     for LogFinding { log, finding } in &calibration.findings {
         let _ = writeln!(text, "{}", finding_line(Some(log), finding));
     }

@@ -51,12 +51,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let progress = Progress::new(0.0);
     let packed = pack(&args.session, &out, &about, &progress)?;
     progress.finish();
-    let mut text = format!(
-        "{}: {}, {:.1} MB",
-        out.display(),
-        text::count(packed.entries.len(), "file"),
-        packed.bytes as f64 * 1e-6
-    );
+    let files = text::count(packed.entries.len(), "file");
+    let mut text = format!("{}: {files}, {:.1} MB", out.display(), packed.bytes as f64 * 1e-6);
     packed.notes.iter().for_each(|note| text += &format!("\nnote: {note}"));
     text += &lines_of_logs(&packed.findings);
     let outcome = Outcome::of(packed.is_sound && are_slight(&packed.findings));

@@ -69,22 +69,12 @@ fn describe(name: &str, robot: &Robot, phase_deg: [f64; 2], parts: &[String], fo
     for (k, part) in parts.iter().enumerate().skip(1) {
         // Of the fluid on the part: against what the part exerts. A flagellum turns about its shaft.
         let (z, turn) = (6 * k + 2, 6 * k + 5);
-        let on_fluid = |row: usize| matrix[(row, turn)] * rate * 1e3;
-        let _ = writeln!(
-            text,
-            "{part:<12} {:>10.5} {:>13.6} {:>15.5} {:>14.5}",
-            -on_fluid(z),
-            -on_fluid(turn),
-            -on_fluid(2),
-            matrix[(z, z)]
-        );
+        let [thrust, torque, on_base] = [z, turn, 2].map(|row| -(matrix[(row, turn)] * rate * 1e3));
+        let drag = matrix[(z, z)];
+        let _ = writeln!(text, "{part:<12} {thrust:>10.5} {torque:>13.6} {on_base:>15.5} {drag:>14.5}");
     }
-    let about = [3, 4, 5].map(|row| matrix[(row, row)]);
-    let _ = writeln!(
-        text,
-        "\nbase about the joint: {:.3e}, {:.3e}, {:.3e} N m s about x, y, z",
-        about[0], about[1], about[2]
-    );
+    let [x, y, z] = [3, 4, 5].map(|row| matrix[(row, row)]);
+    let _ = writeln!(text, "\nbase about the joint: {x:.3e}, {y:.3e}, {z:.3e} N m s about x, y, z");
     text += "thrust, torque and the force on the base along z at 1 rpm about +z, the other parts held; drag along z\n";
     text += &format!("reciprocity error {:.1e}, before the matrix was made symmetric", found.reciprocity_error);
     text

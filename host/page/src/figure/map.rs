@@ -15,9 +15,8 @@ const MAX_CELLS: usize = 80;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Point {
     pub at: [f64; 2],
+    /// With its sign; the map shows the magnitude.
     pub value: f64,
-    /// The value with its sign, if `value` is its magnitude.
-    pub signed: f64,
     /// Whether the value settled and is the same for all starting phases.
     pub is_settled: bool,
 }
@@ -68,13 +67,12 @@ const SQUARE_PT: f64 = 1.1;
 /// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
 const SEEN: f64 = 3.0;
 
-/// Values on a grid: `values[j][i]` and `signed[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
+/// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
 #[derive(Clone, PartialEq, Debug)]
 struct Grid {
     xs: Vec<f64>,
     ys: Vec<f64>,
     values: Vec<Vec<f64>>,
-    signed: Vec<Vec<f64>>,
 }
 
 /// Draws maps over the same axes, two in a row, with the legend and the lines of `under_all` below them.
@@ -138,11 +136,10 @@ fn distinct(mut sorted: Vec<f64>) -> Vec<f64> {
 }
 
 fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
-    let values = || map.surface.iter().chain(map.points).map(|point| point.value).filter(|value| value.is_finite());
-    let most = values().fold(0.0, f64::max);
-    let least = values().fold(most, f64::min).min(0.0);
-    let scale = Axis::new(least, if most > least { most } else { least + 1.0 }, "");
-    let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
+    let values = map.surface.iter().chain(map.points).map(|point| point.value.abs()).filter(|value| value.is_finite());
+    let most = values.fold(0.0, f64::max);
+    let scale = Axis::new(0.0, if most > 0.0 { most } else { 1.0 }, "");
+    let shade = |value: f64| colour(value.abs() / scale.high);
     let levels = scale.ticks(4.0);
     sheet.text(panel.left, panel.top - 0.5 * FONT_PT, "start", map.title);
     let marked = map.surface.iter().filter(|point| !point.is_settled).chain(map.points);
@@ -153,7 +150,7 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
             if grid.xs.len().min(grid.ys.len()) >= CONTOUR_NODES {
-                contours(sheet, panel, grid, &levels, (scale.low, &marks));
+                contours(sheet, panel, grid, &levels, &marks);
             }
         }
         None => {
@@ -175,10 +172,10 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     colour_bar(sheet, panel, &scale, &levels, &shade);
 }
 
-/// Draws the contours of the levels above `least`, each with its value where there is room and where it covers none of `marks`.
-fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], (least, marks): (f64, &[[f64; 2]])) {
+/// Draws the contours of the positive levels, each with its value where there is room and where it covers none of `marks`.
+fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], marks: &[[f64; 2]]) {
     let at = |[x, y]: [f64; 2]| panel.at(x, y);
-    let lines: Vec<(f64, Vec<[[f64; 2]; 2]>)> = (levels.iter().filter(|level| **level > least))
+    let lines: Vec<(f64, Vec<[[f64; 2]; 2]>)> = (levels.iter().filter(|level| **level > 0.0))
         .map(|level| (*level, grid.contour(*level).into_iter().map(|ends| ends.map(at)).collect()))
         .collect();
     for (_, segments) in &lines {
@@ -273,12 +270,11 @@ impl Grid {
             return None;
         }
         let mut values = vec![vec![f64::NAN; xs.len()]; ys.len()];
-        let mut signed_values = values.clone();
-        for Point { at: [x, y], value, signed, .. } in points {
+        for Point { at: [x, y], value, .. } in points {
             let (j, i) = (ys.partition_point(|other| other < y), xs.partition_point(|other| other < x));
-            (values[j][i], signed_values[j][i]) = (*value, *signed);
+            values[j][i] = *value;
         }
-        Some(Self { xs, ys, values, signed: signed_values })
+        Some(Self { xs, ys, values })
     }
 
     /// Fills the cell of each node; between two nodes is a border, and as far beyond the outermost.
@@ -310,7 +306,7 @@ impl Grid {
         let mut segments = Vec::new();
         for j in 0..self.ys.len() - 1 {
             for i in 0..self.xs.len() - 1 {
-                let corner = |[di, dj]: [usize; 2]| ([self.xs[i + di], self.ys[j + dj]], self.signed[j + dj][i + di]);
+                let corner = |[di, dj]: [usize; 2]| ([self.xs[i + di], self.ys[j + dj]], self.values[j + dj][i + di]);
                 let corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(corner);
                 if corners.iter().any(|(_, value)| !value.is_finite()) {
                     continue;
@@ -340,10 +336,7 @@ mod tests {
     fn points(value: impl Fn(f64, f64) -> f64) -> Vec<Point> {
         let node = |i: i32, j: i32| [f64::from(i) * 10.0, f64::from(j) * 5.0];
         let all = (0..9).flat_map(|i| (0..7).map(move |j| node(i, j)));
-        let point = |at: [f64; 2]| {
-            let signed = value(at[0], at[1]);
-            Point { at, value: signed.abs(), signed, is_settled: true }
-        };
+        let point = |at: [f64; 2]| Point { at, value: value(at[0], at[1]), is_settled: true };
         all.map(point).collect()
     }
 
@@ -378,8 +371,7 @@ mod tests {
     fn only_fine_grids_have_contours_and_these_have_labels() {
         let drawn = |count: i32| {
             let all = (0..count).flat_map(|i| (0..count).map(move |j| [f64::from(i), f64::from(j)]));
-            let surface: Vec<_> =
-                all.map(|at| Point { at, value: at[0], signed: at[0], is_settled: at[0] > 0.5 }).collect();
+            let surface: Vec<_> = all.map(|at| Point { at, value: at[0], is_settled: at[0] > 0.5 }).collect();
             let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.0, 0.0]] };
             draw(&[map], ["x", "y"], &[], &[], 88.0)
         };

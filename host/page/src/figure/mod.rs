@@ -263,8 +263,7 @@ pub fn map(
     let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
         let point = |trial: &AtSpeeds<()>| Point {
             at: trial.speeds_rpm,
-            value: trial.magnitudes_deg()[k],
-            signed: trial.angles_deg.get(k).copied().unwrap_or(trial.tilt_deg),
+            value: trial.angles_deg.get(k).copied().unwrap_or(trial.tilt_deg),
             is_settled: trial.is_settled,
         };
         trials.iter().map(point).collect()

@@ -104,17 +104,11 @@ fn pdf(file: &[u8], title: &str, text: &str) -> Option<Vec<u8>> {
     let object = file.len();
     let producer = string(&format!("biflag {FULL_VERSION}"));
     let (title, subject) = (string(title), string(text));
-    file.extend(
-        format!("{size} 0 obj\n<< /Title {title} /Subject {subject} /Creator {producer} >>\nendobj\n").into_bytes(),
-    );
-    let table = file.len();
-    file.extend(
-        format!(
-            "xref\n0 1\n0000000000 65535 f \n{size} 1\n{object:010} 00000 n \ntrailer\n<< /Size {} /Root {root} 0 R /Info {size} 0 R /Prev {before} >>\n\
-             startxref\n{table}\n%%EOF\n",
-            size + 1
-        )
-        .into_bytes(),
-    );
+    let information = format!("<< /Title {title} /Subject {subject} /Creator {producer} >>");
+    file.extend(format!("{size} 0 obj\n{information}\nendobj\n").into_bytes());
+    let (table, next) = (file.len(), size + 1);
+    let entries = format!("xref\n0 1\n0000000000 65535 f \n{size} 1\n{object:010} 00000 n \n");
+    let trailer = format!("trailer\n<< /Size {next} /Root {root} 0 R /Info {size} 0 R /Prev {before} >>\n");
+    file.extend(format!("{entries}{trailer}startxref\n{table}\n%%EOF\n").into_bytes());
     Some(file)
 }

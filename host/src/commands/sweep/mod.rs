@@ -55,11 +55,8 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let missing = points - done;
     let swept = Swept { points, done, missing, failed, notes: folder.sweep.notes(), ..Swept::default() };
     if interrupted.load(Ordering::Relaxed) && done < points {
-        let text = format!(
-            "{}: interrupted after {done} of {}, go on with --resume",
-            path.display(),
-            count(points as usize, "point")
-        );
+        let points = count(points as usize, "point");
+        let text = format!("{}: interrupted after {done} of {points}, go on with --resume", path.display());
         return Answer::new(Outcome::Interrupted, &swept, text);
     }
     match args.shard {
