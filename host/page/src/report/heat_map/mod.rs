@@ -79,15 +79,13 @@ impl Map<'_> {
         let shown = values().count();
         let unsettled = self.points.iter().filter(|point| !point.is_settled).count();
         let marked = if unsettled > 0 { format!(" {unsettled} with a ring: not settled.") } else { String::new() };
-        let points = match Axis::of_both(self.points) {
-            [Axis::Grid(across), Axis::Grid(down)] if shown < across.count * down.count => {
-                format!(
-                    "{shown} of the {} pairs of speeds of the grid; empty cells have no value. {span}",
-                    across.count * down.count
-                )
+        let [across, down] = Axis::of_both(self.points);
+        let points = match across.nodes * down.nodes {
+            0 => format!("{shown} pairs of speeds, one dot each. {span}"),
+            all if shown < all => {
+                format!("{shown} of the {all} pairs of speeds of the grid; empty cells have no value. {span}")
             }
-            [Axis::Grid(_), Axis::Grid(_)] => format!("{shown} pairs of speeds. {span}"),
-            _ => format!("{shown} pairs of speeds, one dot each. {span}"),
+            _ => format!("{shown} pairs of speeds. {span}"),
         };
         points + &marked
     }
@@ -102,11 +100,9 @@ struct Plot {
 
 impl Plot {
     fn new(across: Axis, down: Axis) -> Self {
-        let height = match (across, down) {
-            (Axis::Grid(across), Axis::Grid(down)) => {
-                ((WIDTH - LEFT - SCALE) / across.count as f64).clamp(14.0, 40.0) * down.count as f64
-            }
-            _ => 250.0,
+        let height = match across.nodes {
+            0 => 250.0,
+            nodes => ((WIDTH - LEFT - SCALE) / nodes as f64).clamp(14.0, 40.0) * down.nodes as f64,
         };
         Self { across, down, bottom: TOP + height }
     }
@@ -125,12 +121,8 @@ impl Plot {
 
     /// Width and height of a cell, if the map has cells.
     fn cell(&self) -> Option<[f64; 2]> {
-        match (self.across, self.down) {
-            (Axis::Grid(across), Axis::Grid(down)) => {
-                Some([(self.right() - LEFT) / across.count as f64, (self.bottom - TOP) / down.count as f64])
-            }
-            _ => None,
-        }
+        let [across, down] = [self.across.nodes, self.down.nodes].map(|nodes| nodes as f64);
+        (across > 0.0).then(|| [(self.right() - LEFT) / across, (self.bottom - TOP) / down])
     }
 
     /// The outlines of all cells, or the frame of a map of dots with the lines of its ticks.
