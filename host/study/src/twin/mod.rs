@@ -22,5 +22,7 @@ pub use compare::{
 };
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
-pub use session::{Chance, Pairs, SessionAngle, SessionComparison, Skipped, compare_pairs, compare_replays};
+pub use session::{
+    Chance, ComparedReplays, Pairs, SessionAngle, SessionComparison, Skipped, compare_pairs, compare_replays,
+};
 pub use source::{Source, logs};

@@ -102,6 +102,9 @@ pub fn compare_pairs<T: Send>(
     sum_up(paths, results, (pairs.skipped.clone(), pairs.left_out.clone()), on_mismatch)
 }
 
+/// Replays, each with its comparison and the caller's result for it.
+pub type ComparedReplays<T> = Replays<Result<(Comparison, T), TwinError>>;
+
 /// Compares recordings with their replays, which are computed where they are missing or outdated. `then` as in
 /// [`compare_pairs`]; the replay has the shapes and the forces that `want` asks for if the recording has none.
 ///
@@ -114,7 +117,7 @@ pub fn compare_replays<T: Send>(
     on_mismatch: OnMismatch,
     interrupted: &AtomicBool,
     then: &(dyn Fn(&Judged, &Judged, &Compared) -> T + Sync),
-) -> Result<Replays<Result<(Comparison, T), TwinError>>, TwinError> {
+) -> Result<ComparedReplays<T>, TwinError> {
     let session = Session::resume(&source.replay_folder(), &source.plan)?;
     let _lock = session.lock(Sharing::Alone)?;
     let compare = |replayed: &Replayed, a: Judged| {
@@ -131,7 +134,7 @@ pub fn compare_replays<T: Send>(
 /// The comparison of a trial, with the caller's result for it.
 type Named<T> = (String, Result<(Comparison, T), TwinError>);
 
-impl<T> Replays<Result<(Comparison, T), TwinError>> {
+impl<T> ComparedReplays<T> {
     /// Summarises comparisons of recordings with these replays. `paths`: both sessions.
     ///
     /// # Errors
