@@ -7,15 +7,15 @@ use crate::threads;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use study::export::table::Table;
 use study::plan::{PlanError, robot};
-use study::sweep::{Folder, Merged, Missing, Points, Record, Shard, SweepPlan, read_table};
+use study::sweep::{Folder, Merged, Missing, Record, Shard, SweepPlan, read_table};
 
 /// The columns of a table, what they hold, and warnings for the user.
 type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);
 
-/// Computes the points of a plan that a folder does not have yet, writes their table there, and returns it. `plan`: the text
+/// Computes the points of a plan that a folder does not have yet, writes the table of all there, and returns it. `plan`: the text
 /// of a plan if it has several lines, or else its path or its name inside the program; `progress` is called with the number
 /// of points that are done and of all.
 #[pyfunction]
@@ -35,7 +35,17 @@ pub fn sweep<'py>(
         Ok((folder, before))
     })?;
     let points = [before.count(), folder.sweep.plan.points()];
-    let answer = counted(py, progress, points, |stop, done| compute(&folder, &before, jobs, stop, done))?;
+    let answer = counted(py, progress, points, |stop, done| {
+        if before.count() < folder.sweep.plan.points() {
+            let count = |_: &Record| _ = done.fetch_add(1, Ordering::Relaxed);
+            folder.work(Shard::ALL, &before, jobs, stop, &count)?;
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::interrupted());
+        }
+        folder.merge(Missing::Refused)?;
+        of_folder(&folder)
+    })?;
     to_python(py, answer)
 }
 
@@ -56,28 +66,6 @@ fn read_plan(plan: &Path) -> Result<SweepPlan, PlanError> {
         Some(text) => SweepPlan::parse(text, "plan", &|name| robot::load(Path::new(name))),
         None => SweepPlan::load(plan),
     }
-}
-
-/// Computes the points that are not done, merges all, and returns their table.
-fn compute(
-    folder: &Folder,
-    before: &Points,
-    jobs: usize,
-    stop: &AtomicBool,
-    done: &AtomicU64,
-) -> Result<(Table, Vec<String>), Failure> {
-    let points = folder.sweep.plan.points();
-    if before.count() < points {
-        let count = |_: &Record| {
-            done.fetch_add(1, Ordering::Relaxed);
-        };
-        folder.work(Shard::ALL, before, jobs, stop, &count)?;
-    }
-    if stop.load(Ordering::Relaxed) {
-        return Err(Failure::interrupted());
-    }
-    folder.merge(Missing::Refused)?;
-    of_folder(folder)
 }
 
 /// Returns the table of the points that are done, and warnings.
