@@ -77,17 +77,12 @@ pub(super) fn robot(robot: &RobotFile) -> miette::Result<(OsString, Option<TempP
     if robot.text.is_empty() {
         return Ok((robot.name.clone().into(), None));
     }
-    let file = temporary(&robot.text)?;
-    Ok((file.as_os_str().to_owned(), Some(file)))
-}
-
-/// Writes the text of a robot file inside this program to a file, for the emulated board to read.
-pub(super) fn temporary(text: &str) -> miette::Result<TempPath> {
     let written = NamedTempFile::with_suffix(".toml").and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
+        file.write_all(robot.text.as_bytes())?;
         Ok(file.into_temp_path())
     });
-    written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
+    let file = written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")?;
+    Ok((file.as_os_str().to_owned(), Some(file)))
 }
 
 /// Returns the answer to `--fault help`, the faults that the emulated board knows, or to `--sensor help`, a file with all errors

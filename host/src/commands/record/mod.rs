@@ -12,7 +12,7 @@ use crate::colour;
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::line::Lines;
-use crate::plan::{EXAMPLE, Plan, Schedule, Trial, board, robot};
+use crate::plan::{EXAMPLE, Plan, Schedule, Trial, board};
 use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
@@ -474,7 +474,7 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let mut arguments: Vec<_> = ["--speed", &args.speed, "--rig", &args.rig].map(Into::into).into();
     arguments.extend(args.sensor.arguments(plan.seed));
-    let robot_file;
+    let _file;
     match imu {
         Some(imu) if args.sensor.sensor.is_some() => {
             let imu = imu.display();
@@ -482,13 +482,9 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
         }
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
-            let path = match plan.robot.text.as_str() {
-                "" => PathBuf::from(&plan.robot.name),
-                _ => robot::named_by(args.plan.as_deref().unwrap_or(Path::new("")), &plan.robot.name),
-            };
-            let is_inside = !plan.robot.text.is_empty() && !path.exists();
-            robot_file = is_inside.then(|| virtual_board::temporary(&plan.robot.text)).transpose()?;
-            arguments.extend(["--robot".into(), robot_file.as_deref().unwrap_or(&path).as_os_str().to_owned()]);
+            let (robot, file) = virtual_board::robot(&plan.robot)?;
+            _file = file;
+            arguments.extend(["--robot".into(), robot]);
         }
     }
     virtual_board::start(arguments, &args.faults)

@@ -89,7 +89,7 @@ pub(crate) fn of_plan(plan: &Path, name: &str) -> Result<RobotFile, PlanError> {
 }
 
 /// Returns the path of the robot file that the plan at `plan` calls `name`: in the plan's folder, or inside the program.
-pub fn named_by(plan: &Path, name: &str) -> PathBuf {
+fn named_by(plan: &Path, name: &str) -> PathBuf {
     let beside = plan.parent().unwrap_or(Path::new("")).join(name);
     match Shipped::find(Path::new(name)) {
         Some(_) if !beside.exists() => PathBuf::from(name),
