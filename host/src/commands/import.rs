@@ -87,8 +87,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let table = args.csv.display().to_string();
     let rows = Table::read(&args.csv, args.skip)?;
     let mapping = mapping.ok_or_else(|| which_columns(&table, rows.header()))?;
-    let states = rows.states(&mapping)?;
-    let conditions = Conditions {
+    let mut states = rows.states(&mapping)?;
+    let mut conditions = Conditions {
         speeds: args.speeds,
         run_s: args.run.map(|[from, to]| from..to),
         reverse: None,
@@ -98,16 +98,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         note: args.note.clone(),
         beside: None,
     };
-    let (states, conditions) = match &args.trial {
-        None => (states, conditions),
-        Some(log) => {
-            let recording = Judged::read(log, Want { hash: true, ..Want::default() })?;
-            let (states, beside) = Beside::put(states, &recording, &table)?;
-            let conditions =
-                Conditions { beside: Some(beside), ..conditions }.of_recording(&recording.data, &states, &table)?;
-            (states, conditions)
-        }
-    };
+    if let Some(log) = &args.trial {
+        let recording = Judged::read(log, Want { hash: true, ..Want::default() })?;
+        let (put, beside) = Beside::put(states, &recording, &table)?;
+        (states, conditions.beside) = (put, Some(beside));
+        conditions = conditions.of_recording(&recording.data, &states, &table)?;
+    }
     let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &output)?;
     let trial = Judged::read(&output, Want::default())?;
     let (data, angles, findings) = (&trial.data, trial.steady_angles(), trial.log_findings());

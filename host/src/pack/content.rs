@@ -82,9 +82,8 @@ impl Content {
         let readme = readme::text(session, &states, about, &content.notes);
         content.add_text("README.md", &readme, "What this archive contains, and the results")?;
         if about.license.is_empty() {
-            content
-                .notes
-                .push("no licence is stated: repositories ask for one, such as --license CC-BY-4.0".to_owned());
+            let note = "no licence is stated: repositories ask for one, such as --license CC-BY-4.0";
+            content.notes.push(note.to_owned());
         }
         Ok(content)
     }

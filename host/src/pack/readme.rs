@@ -20,28 +20,27 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
     let plan = session.plan();
     let mut text = format!("# {}\n\n", text::line(&plan.name));
     // Writing to a string cannot fail.
-    let mut line = |line: String| _ = writeln!(text, "{line}");
+    let mut line = |line: &str| _ = writeln!(text, "{line}");
     line(
         "Trials of a robot with two soft helical flagella, turned by two DC motors under a base that hangs on a ball joint in \
-         glycerin.\n"
-            .to_owned(),
+         glycerin.\n",
     );
     for (name, value) in [("Author", &about.author), ("Licence", &about.license), ("Note", &plan.note)] {
         if !value.trim().is_empty() {
-            line(format!("- {name}: {}", text::line(value.trim())));
+            line(&format!("- {name}: {}", text::line(value.trim())));
         }
     }
-    line(format!("- Session started: {}", session.created()));
-    line(format!("- Packed by biflag {FULL_VERSION}"));
-    line("\n## Results\n".to_owned());
-    line("| trial | yaw, deg | pitch, deg | roll, deg | |\n| --- | --- | --- | --- | --- |".to_owned());
+    line(&format!("- Session started: {}", session.created()));
+    line(&format!("- Packed by biflag {FULL_VERSION}"));
+    line("\n## Results\n");
+    line("| trial | yaw, deg | pitch, deg | roll, deg | |\n| --- | --- | --- | --- | --- |");
     for state in states {
         let Some(attempt) = state.complete() else {
-            line(format!("| {} | | | | not complete |", state.trial.name));
+            line(&format!("| {} | | | | not complete |", state.trial.name));
             continue;
         };
         let Ok(trial) = attempt.read(Want::default()) else {
-            line(format!("| {} | | | | cannot be read |", state.trial.name));
+            line(&format!("| {} | | | | cannot be read |", state.trial.name));
             continue;
         };
         let angles = trial.steady_angles().unwrap_or_default();
@@ -51,16 +50,15 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
             grave => text::count(grave, "warning"),
         };
         let [yaw, pitch, roll] = angles.cells();
-        line(format!("| {} | {yaw} | {pitch} | {roll} | {remark} |", state.trial.name));
+        line(&format!("| {} | {yaw} | {pitch} | {roll} | {remark} |", state.trial.name));
     }
     line(
         "\nThe name of a trial has the speeds of flagella 1 and 2 in rpm, positive counter-clockwise seen from above. Yaw, pitch \
          and roll are rotations about z, then y, then x that turn body axes into world axes; x points from motor 2 to motor 1, \
          z upwards along the robot. Yaw is zero at the end of the still phase before the run. The values are means over about \
-         the last 12 s of the run. The ± is the 95 % uncertainty; \"?\": unknown, because of a warning in `report.html`.\n"
-            .to_owned(),
+         the last 12 s of the run. The ± is the 95 % uncertainty; \"?\": unknown, because of a warning in `report.html`.\n",
     );
-    line("## Files\n".to_owned());
+    line("## Files\n");
     let sensor = plan.sensor.as_ref().map(|_| ("sensor.toml", "what was measured of the sensor"));
     let files = [
         ("report.html", "the session as a page to open in a browser"),
@@ -75,11 +73,11 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
         ("ro-crate-metadata.json", "this description for programs (RO-Crate 1.1)"),
     ];
     for (name, about) in files.into_iter().chain(sensor) {
-        line(format!("- `{name}`: {about}"));
+        line(&format!("- `{name}`: {about}"));
     }
     if !notes.is_empty() {
-        line("\n## Notes\n".to_owned());
-        notes.iter().for_each(|note| line(format!("- {}", text::line(note))));
+        line("\n## Notes\n");
+        notes.iter().for_each(|note| line(&format!("- {}", text::line(note))));
     }
     text
 }

@@ -106,13 +106,10 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         times: (0..count).map(|i| span.start + i as f64 * options.speed * FRAME_S).collect(),
         drawn,
     };
-    let written =
-        output::replace(
-            out,
-            |file| {
-                if is_webm { webm::encode(&frames, file.get_ref()) } else { gif::encode(&frames, file) }
-            },
-        );
+    let written = output::replace(out, |file| match is_webm {
+        true => webm::encode(&frames, file.get_ref()),
+        false => gif::encode(&frames, file),
+    });
     written.map_err(|error| match error {
         OutputError::Write { path, source } if is_webm && source.kind() == ErrorKind::Unsupported => {
             PageError::NoEncoder { path, program: webm::ENCODER }

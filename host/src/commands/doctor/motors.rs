@@ -208,6 +208,8 @@ fn judgements(tests: &[MotorTest; 2]) -> Vec<Check> {
 fn judge(motor: usize, test: &MotorTest) -> super::check::Finding {
     let number = motor + 1;
     let wrong = |detail: &str, cure: String| Err((detail.to_owned(), cure));
+    let (leads, edges, direction) = (MOTOR_LEADS[motor], EDGE_PINS[motor], DIRECTION_PINS[motor]);
+    let [one, other] = WAY_PINS[motor];
     let [forwards, backwards] = test.full_rpm;
     let speeds = format!("{forwards:.0} rpm forwards and {backwards:.0} rpm backwards at full duty");
     match test.finding {
@@ -221,23 +223,19 @@ fn judge(motor: usize, test: &MotorTest) -> super::check::Finding {
             Ok(format!("turns from a duty of {moving} of 255 on, {speeds}{counts}"))
         }
         Finding::OneWay { forwards } => {
-            let pin = WAY_PINS[motor][usize::from(forwards)];
+            let pin = if forwards { other } else { one };
             wrong("it turns in one direction only", format!("check the wire of {pin}"))
         }
-        Finding::SameWay => wrong(
-            "it turns in one direction whatever the duty",
-            format!("check the wires of {} and {}", WAY_PINS[motor][0], WAY_PINS[motor][1]),
-        ),
+        Finding::SameWay => {
+            wrong("it turns in one direction whatever the duty", format!("check the wires of {one} and {other}"))
+        }
         Finding::DirectionDead => wrong(
             "its encoder counts back and forth: channel C2 does not change",
-            format!("check the wire from the encoder's C2 to {}", DIRECTION_PINS[motor]),
+            format!("check the wire from the encoder's C2 to {direction}"),
         ),
         Finding::OtherEncoder => wrong(
             &format!("driving it moves encoder {} instead of encoder {number}", 2 - motor),
-            format!(
-                "check that {} lead to motor {number}, and C1 of its encoder to {}",
-                MOTOR_LEADS[motor], EDGE_PINS[motor]
-            ),
+            format!("check that {leads} lead to motor {number}, and C1 of its encoder to {edges}"),
         ),
         Finding::BothEncoders => wrong(
             "driving it moves both encoders",
@@ -246,17 +244,15 @@ fn judge(motor: usize, test: &MotorTest) -> super::check::Finding {
         Finding::EdgesDead => wrong(
             "it turns, as the gyroscope shows, but its encoder has no edges: channel C1 is dead",
             format!(
-                "check the encoder's supply, and the wire from its C1 to {}; if it has no encoder, write speed_from = \"duty\" with \
-                 `biflag settings --write`",
-                EDGE_PINS[motor]
+                "check the encoder's supply, and the wire from its C1 to {edges}; if it has no encoder, write speed_from = \
+                 \"duty\" with `biflag settings --write`"
             ),
         ),
         Finding::Still => wrong(
             "no edge of its encoder at any duty",
             format!(
-                "if the flagellum turned, check the encoder's supply and the wire from its C1 to {}; otherwise check {} \
-                 and that nothing holds it",
-                EDGE_PINS[motor], MOTOR_LEADS[motor]
+                "if the flagellum turned, check the encoder's supply and the wire from its C1 to {edges}; otherwise check \
+                 {leads} and that nothing holds it"
             ),
         ),
         Finding::Faulted(fault) if self_test::motor_of(fault) == Some(motor) => {

@@ -25,10 +25,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let plan = plan(args)?;
     let options = Options { rate_hz: args.rate, shapes: args.shapes };
     let model = Model::of_plan(&plan, args.closure.unwrap_or_default(), options)?;
-    let mine: Vec<&Trial> = match args.shard {
-        Some(Shard { index, of }) => plan.trials.iter().skip(index as usize).step_by(of as usize).collect(),
-        None => plan.trials.iter().collect(),
-    };
+    let Shard { index, of } = args.shard.unwrap_or(Shard::ALL);
+    let mine: Vec<&Trial> = plan.trials.iter().skip(index as usize).step_by(of as usize).collect();
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = open(&folder, &plan, &mine, args)?;
 
