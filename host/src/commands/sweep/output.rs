@@ -89,7 +89,10 @@ impl Status {
             answer = answer.with("reasons", reasons);
         }
         if let Some(shards) = &self.shards {
-            let one = |(number, ShardCounts { points, done, failed }): (u64, &ShardCounts)| json!({ "shard": number, "points": points, "done": done, "missing": points - done, "failed": failed });
+            let one = |(number, one): (u64, &ShardCounts)| {
+                let ShardCounts { points, done, failed } = one;
+                json!({ "shard": number, "points": points, "done": done, "missing": points - done, "failed": failed })
+            };
             // From 1, as in `--shard`.
             answer = answer.with("shards", (1..).zip(shards).map(one).collect::<Vec<_>>());
         }
