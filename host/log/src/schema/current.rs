@@ -44,6 +44,19 @@ mod generator {
     use std::fs;
     use std::path::{Path, PathBuf};
 
+    /// What a scene can also hold, and the robot's does not: there is no type of these, and a message that has some is read
+    /// without them.
+    const UNUSED: [&str; 8] = [
+        "ArrowPrimitive",
+        "CubePrimitive",
+        "KeyValuePair",
+        "ModelPrimitive",
+        "SceneEntityDeletion",
+        "SpherePrimitive",
+        "TextPrimitive",
+        "TriangleListPrimitive",
+    ];
+
     /// Compiles the schemas, without external tools, to Rust types and to the descriptors in every log.
     fn generate(folder: &Path) {
         let proto = crate_folder().join("proto");
@@ -53,12 +66,11 @@ mod generator {
             let descriptors = prost::Message::encode_to_vec(&compile(&[schema]));
             fs::write(folder.join(stem).with_extension("binpb"), descriptors).unwrap();
         }
-        prost_build::Config::new()
-            .out_dir(folder)
-            // The generated code has the comments of the .proto files, but not on every field.
-            .type_attribute(".", "#[allow(missing_docs)]")
-            .compile_fds(compile(&SCHEMAS))
-            .unwrap();
+        let mut config = prost_build::Config::new();
+        for name in UNUSED {
+            config.extern_path(format!(".foxglove.{name}"), "()");
+        }
+        config.out_dir(folder).compile_fds(compile(&SCHEMAS)).unwrap();
         fs::write(folder.join(SOURCES), sources()).unwrap();
     }
 
