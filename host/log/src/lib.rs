@@ -85,9 +85,10 @@ pub use meta::{
     Origin, PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SteerMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
-pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
+pub use reader::{Message, Reader, TrialClock, check, last_meta, summary};
 pub use record::PROFILE;
 pub use recover::{Recovery, recover};
+pub use schema::Body;
 /// The kind of an event: a phase begins (the text is its name), the board's state changed, a fault was latched or
 /// cleared, a request was sent again, the gyroscope was calibrated, the clocks were compared, a warning for the user,
 /// or a note on anything else.

@@ -6,11 +6,10 @@ use super::error::LogError;
 use super::meta::{FORMAT, Identity, Summary};
 use super::record::PROFILE;
 use super::scan::{Piece, Scanner, last_table};
-use super::schema::{self, LogMessage, biflag, foxglove};
+use super::schema::{self, Body};
 use super::source::Source;
 use super::table::{self, Meta, Table};
 use super::time::seconds;
-use prost::Message as _;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -54,37 +53,6 @@ impl TrialClock {
     pub fn time_s(&self, message: &Message) -> f64 {
         seconds(message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)))
     }
-}
-
-/// The content of a message.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Body {
-    /// `/raw`.
-    Raw(biflag::RawBytes),
-    /// `/telemetry`.
-    Telemetry(Box<biflag::Telemetry>),
-    /// `/attitude`.
-    Attitude(foxglove::FrameTransform),
-    /// `/command`.
-    Command(biflag::Command),
-    /// `/dropout`.
-    Dropout(biflag::Dropout),
-    /// `/event`.
-    Event(biflag::Event),
-    /// `/truth`.
-    Truth(biflag::Truth),
-    /// `/forces`.
-    Forces(biflag::Forces),
-    /// `/nodes`.
-    Nodes(biflag::Nodes),
-    /// `/steering`.
-    Steering(Box<biflag::Steering>),
-    /// `/flagella`.
-    Flagella(foxglove::SceneUpdate),
-    /// `/flagella_points`.
-    FlagellaPoints(foxglove::PointCloud),
-    /// A channel that this program does not know, or a message that cannot be decoded.
-    Other(Vec<u8>),
 }
 
 /// Returns the summary at the end of a log; `None` if the log is incomplete or has no summary.
@@ -329,50 +297,6 @@ impl Iterator for Reader {
                 Err(error) => return Some(Err(error)),
             }
         }
-    }
-}
-
-impl Body {
-    /// Encodes the message; the inverse of the decoding in [`Reader`].
-    pub fn encode(&self) -> Vec<u8> {
-        match self {
-            Self::Raw(message) => message.encode_to_vec(),
-            Self::Telemetry(message) => message.encode_to_vec(),
-            Self::Attitude(message) => message.encode_to_vec(),
-            Self::Command(message) => message.encode_to_vec(),
-            Self::Dropout(message) => message.encode_to_vec(),
-            Self::Event(message) => message.encode_to_vec(),
-            Self::Truth(message) => message.encode_to_vec(),
-            Self::Forces(message) => message.encode_to_vec(),
-            Self::Nodes(message) => message.encode_to_vec(),
-            Self::Steering(message) => message.encode_to_vec(),
-            Self::Flagella(message) => message.encode_to_vec(),
-            Self::FlagellaPoints(message) => message.encode_to_vec(),
-            Self::Other(bytes) => bytes.clone(),
-        }
-    }
-
-    /// Decodes a message. Returns its bytes as an error if they do not fit its channel's type.
-    fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Result<Self, Vec<u8>> {
-        fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
-            M::decode(data).ok().map(body)
-        }
-        let known = match schema::channel(topic).filter(|spec| spec.schema == schema).map(|spec| spec.topic) {
-            Some("/raw") => read(&data, Self::Raw),
-            Some("/telemetry") => read(&data, |telemetry| Self::Telemetry(Box::new(telemetry))),
-            Some("/attitude") => read(&data, Self::Attitude),
-            Some("/command") => read(&data, Self::Command),
-            Some("/dropout") => read(&data, Self::Dropout),
-            Some("/event") => read(&data, Self::Event),
-            Some("/truth") => read(&data, Self::Truth),
-            Some("/forces") => read(&data, Self::Forces),
-            Some("/nodes") => read(&data, Self::Nodes),
-            Some("/steering") => read(&data, |steering| Self::Steering(Box::new(steering))),
-            Some("/flagella") => read(&data, Self::Flagella),
-            Some("/flagella_points") => read(&data, Self::FlagellaPoints),
-            _ => return Ok(Self::Other(data)),
-        };
-        known.ok_or(data)
     }
 }
 

@@ -48,30 +48,62 @@ const SCENE_UPDATE: &[u8] = include_bytes!("generated/SceneUpdate.binpb");
 const POINT_CLOUD: &[u8] = include_bytes!("generated/PointCloud.binpb");
 
 macro_rules! channels {
-    ($($id:literal, $topic:literal, $type:ty, $schema:literal, $descriptors:expr;)*) => {
-        $(impl LogMessage for $type {
-            const CHANNEL: ChannelSpec =
-                ChannelSpec { id: $id, topic: $topic, schema: $schema, descriptors: $descriptors };
+    ($($id:literal, $topic:literal, $variant:ident($body:ty), $package:ident::$name:ident, $descriptors:expr;)*) => {
+        $(impl LogMessage for $package::$name {
+            const CHANNEL: ChannelSpec = ChannelSpec {
+                id: $id,
+                topic: $topic,
+                schema: concat!(stringify!($package), ".", stringify!($name)),
+                descriptors: $descriptors,
+            };
         })*
 
         /// Every channel that this program knows.
-        pub const CHANNELS: &[ChannelSpec] = &[$(<$type as LogMessage>::CHANNEL),*];
+        pub const CHANNELS: &[ChannelSpec] = &[$($package::$name::CHANNEL),*];
+
+        /// The content of a message.
+        #[derive(Clone, PartialEq, Debug)]
+        pub enum Body {
+            $(#[doc = concat!("`", $topic, "`.")] $variant($body),)*
+            /// A channel that this program does not know, or a message that cannot be decoded.
+            Other(Vec<u8>),
+        }
+
+        impl Body {
+            /// Encodes the message; the inverse of the decoding in [`crate::Reader`].
+            pub fn encode(&self) -> Vec<u8> {
+                match self {
+                    $(Self::$variant(message) => message.encode_to_vec(),)*
+                    Self::Other(bytes) => bytes.clone(),
+                }
+            }
+
+            /// Decodes a message. Returns its bytes as an error if they do not fit its channel's type.
+            pub(super) fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Result<Self, Vec<u8>> {
+                let known = match channel(topic).filter(|spec| spec.schema == schema).map(|spec| spec.id) {
+                    $(Some($id) => <$body>::decode(&*data).map(Self::$variant),)*
+                    _ => return Ok(Self::Other(data)),
+                };
+                known.map_err(|_| data)
+            }
+        }
     };
 }
 
+// Number, name, body and type of each channel.
 channels! {
-    1, "/raw", biflag::RawBytes, "biflag.RawBytes", BIFLAG;
-    2, "/telemetry", biflag::Telemetry, "biflag.Telemetry", BIFLAG;
-    3, "/attitude", foxglove::FrameTransform, "foxglove.FrameTransform", FRAME_TRANSFORM;
-    4, "/command", biflag::Command, "biflag.Command", BIFLAG;
-    5, "/dropout", biflag::Dropout, "biflag.Dropout", BIFLAG;
-    6, "/event", biflag::Event, "biflag.Event", BIFLAG;
-    7, "/truth", biflag::Truth, "biflag.Truth", BIFLAG;
-    8, "/forces", biflag::Forces, "biflag.Forces", BIFLAG;
-    9, "/flagella", foxglove::SceneUpdate, "foxglove.SceneUpdate", SCENE_UPDATE;
-    10, "/flagella_points", foxglove::PointCloud, "foxglove.PointCloud", POINT_CLOUD;
-    11, "/nodes", biflag::Nodes, "biflag.Nodes", BIFLAG;
-    12, "/steering", biflag::Steering, "biflag.Steering", BIFLAG;
+    1, "/raw", Raw(biflag::RawBytes), biflag::RawBytes, BIFLAG;
+    2, "/telemetry", Telemetry(Box<biflag::Telemetry>), biflag::Telemetry, BIFLAG;
+    3, "/attitude", Attitude(foxglove::FrameTransform), foxglove::FrameTransform, FRAME_TRANSFORM;
+    4, "/command", Command(biflag::Command), biflag::Command, BIFLAG;
+    5, "/dropout", Dropout(biflag::Dropout), biflag::Dropout, BIFLAG;
+    6, "/event", Event(biflag::Event), biflag::Event, BIFLAG;
+    7, "/truth", Truth(biflag::Truth), biflag::Truth, BIFLAG;
+    8, "/forces", Forces(biflag::Forces), biflag::Forces, BIFLAG;
+    9, "/flagella", Flagella(foxglove::SceneUpdate), foxglove::SceneUpdate, SCENE_UPDATE;
+    10, "/flagella_points", FlagellaPoints(foxglove::PointCloud), foxglove::PointCloud, POINT_CLOUD;
+    11, "/nodes", Nodes(biflag::Nodes), biflag::Nodes, BIFLAG;
+    12, "/steering", Steering(Box<biflag::Steering>), biflag::Steering, BIFLAG;
 }
 
 /// Returns the channel called `topic`, if this program knows it.
