@@ -25,78 +25,58 @@
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::fault::Timed;
-use crate::imu::hand::{Grip, Pose, Span, parse_axis};
+use crate::imu::hand::{Grip, Hand, Span, parse_axis};
 use crate::imu::sensor::Sensor;
 use crate::imu::sensor_file;
 use crate::mcu::{FREQUENCY_HZ, RunState};
 use crate::motor::Motor;
 use crate::port::PortCount;
-use nalgebra::{Unit, Vector3};
 use serde_json::{Value, json};
 use std::str::FromStr;
 
-/// A command.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Command {
-    /// `play`
-    Play,
-    /// `rewind`
-    Rewind,
-    /// `turn AXIS DEGREES SECONDS`
-    Turn(Unit<Vector3<f64>>, f64, f64),
-    /// `pose UP SECONDS`
-    Pose(Pose, f64),
-    /// `hand STOP SWAY`
-    Hand(Grip),
-    /// `exchange US [HEX]`
-    Exchange(u64, Vec<u8>),
-    /// `truth`
-    Truth,
-    /// `status`
-    Status,
-    /// `drop N`
-    Drop(u64),
-    /// `corrupt N`
-    Corrupt(u64),
-    /// `fault NAME[=VALUE][@SECONDS]`
-    Fault(Timed),
-    /// `fault clear`
-    ClearFaults,
-    /// `reset`
-    Reset,
-    /// `quit`
-    Quit,
-}
-
-impl FromStr for Command {
-    type Err = String;
-
-    fn from_str(line: &str) -> Result<Self, String> {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        Ok(match words[..] {
-            ["play"] => Self::Play,
-            ["rewind"] => Self::Rewind,
-            ["turn", axis, degrees, seconds] => {
-                Self::Turn(parse_axis(axis)?, within("DEGREES", degrees, -1e5, 1e5)?, length_s(seconds)?)
-            }
-            ["pose", pose, seconds] => Self::Pose(pose.parse()?, length_s(seconds)?),
-            ["hand", stop, sway] => Self::Hand(Grip {
-                stop_deg: within("STOP", stop, 0.0, 20.0)?,
-                sway_deg: within("SWAY", sway, 0.0, 20.0)?,
-            }),
-            ["exchange", time_us] => Self::Exchange(exchange_us(time_us)?, Vec::new()),
-            ["exchange", time_us, hex] => Self::Exchange(exchange_us(time_us)?, bytes(hex)?),
-            ["truth"] => Self::Truth,
-            ["status"] => Self::Status,
-            ["drop", n] => Self::Drop(number(n)?),
-            ["corrupt", n] => Self::Corrupt(number(n)?),
-            ["fault", "clear"] => Self::ClearFaults,
-            ["fault", fault] => Self::Fault(fault.parse()?),
-            ["reset"] => Self::Reset,
-            ["quit"] => Self::Quit,
-            _ => return Err(format!("unknown command {line:?}")),
-        })
+/// Carries out a command. Returns its reply.
+///
+/// # Errors
+/// A line that is not a command, or a command that this board cannot carry out.
+pub fn follow(line: &str, board: &mut Board, port: &PortCount) -> Result<Value, String> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let serial = &mut board.rig_mut().serial;
+    match words[..] {
+        ["play"] => {
+            let played = board.change_imu(|imu| imu.source.play());
+            played.ok_or("the sensor has no recording; start with --imu FILE.csv")?;
+        }
+        ["rewind"] => board.change_imu(|imu| imu.source.rewind()),
+        ["turn", axis, degrees, seconds] => {
+            let axis = parse_axis(axis)?;
+            let (angle_deg, length_s) = (within("DEGREES", degrees, -1e5, 1e5)?, length_s(seconds)?);
+            return by_hand(line, board, |hand, now_s| hand.turn(now_s, axis, angle_deg, length_s));
+        }
+        ["pose", pose, seconds] => {
+            let (pose, length_s) = (pose.parse()?, length_s(seconds)?);
+            return by_hand(line, board, |hand, now_s| hand.pose(now_s, pose, length_s));
+        }
+        ["hand", stop, sway] => {
+            let [stop_deg, sway_deg] = [within("STOP", stop, 0.0, 20.0)?, within("SWAY", sway, 0.0, 20.0)?];
+            with_hand(board, |hand, _| hand.set_grip(Grip { stop_deg, sway_deg }))?;
+        }
+        ["exchange", time_us] => return exchange(board, time_us, ""),
+        ["exchange", time_us, hex] => return exchange(board, time_us, hex),
+        ["truth"] => return truth(board),
+        ["status"] => return Ok(status(board, port)),
+        ["drop", frames] => serial.drop_frames(number(frames)?),
+        ["corrupt", frames] => serial.corrupt_frames(number(frames)?),
+        ["fault", "clear"] => board.clear_faults(),
+        ["fault", fault] => match fault.parse()? {
+            Timed { fault, .. } if let Some(problem) = fault.refused_by(board) => return Err(problem.into()),
+            Timed { fault, at_s: None } => board.inject(fault),
+            Timed { fault, at_s: Some(at_s) } => board.inject_at(at_s, fault),
+        },
+        ["reset"] => board.reset(),
+        ["quit"] => {}
+        _ => return Err(format!("unknown command {line:?}")),
     }
+    Ok(json!({ "event": "done", "command": line }))
 }
 
 fn number<N: FromStr>(word: &str) -> Result<N, String> {
@@ -116,11 +96,6 @@ fn length_s(word: &str) -> Result<f64, String> {
     within("SECONDS", word, 0.1, 3600.0)
 }
 
-/// Parses the time of an exchange.
-fn exchange_us(word: &str) -> Result<u64, String> {
-    within("US", word, 1.0, 1e6).map(|time_us| time_us as u64)
-}
-
 /// Parses bytes in hexadecimal.
 fn bytes(hex: &str) -> Result<Vec<u8>, String> {
     let digits = hex.as_bytes();
@@ -130,19 +105,15 @@ fn bytes(hex: &str) -> Result<Vec<u8>, String> {
 }
 
 /// Lets time pass for the board. Returns the reply to `exchange`: the bytes that the board sent.
-pub fn exchange(line: &str, board: &mut Board, time_us: u64, bytes: &[u8]) -> Value {
-    board.send(bytes);
+fn exchange(board: &mut Board, time_us: &str, hex: &str) -> Result<Value, String> {
+    let (time_us, bytes) = (within("US", time_us, 1.0, 1e6)? as u64, bytes(hex)?);
+    board.send(&bytes);
     let end = board.cycle() + time_us * (FREQUENCY_HZ / 1_000_000);
     if board.run_until(end) != RunState::Running {
-        return error(line, "the chip has crashed");
+        return Err("the chip has crashed".into());
     }
     let hex: String = board.take_serial().iter().map(|byte| format!("{byte:02x}")).collect();
-    json!({ "event": "exchange", "hex": hex })
-}
-
-/// Returns the reply to a command that asks for nothing.
-pub fn done(line: &str) -> Value {
-    json!({ "event": "done", "command": line })
+    Ok(json!({ "event": "exchange", "hex": hex }))
 }
 
 /// Returns the reply to a line that is not a command, or to a command that failed.
@@ -150,45 +121,32 @@ pub fn error(line: &str, problem: &str) -> Value {
     json!({ "event": "error", "command": line, "error": problem })
 }
 
-/// Carries out a command to the hand. Returns its reply.
-pub fn by_hand(line: &str, board: &mut Board, command: Command) -> Value {
+/// Lets the hand do something, at the board's time, s.
+fn with_hand<T>(board: &mut Board, act: impl FnOnce(&mut Hand, f64) -> T) -> Result<T, &'static str> {
     let now_s = board.seconds();
-    let moved: Option<Option<Span>> = board.change_imu(|imu| {
-        let hand = imu.source.hand_mut()?;
-        Some(match command {
-            Command::Turn(axis, angle_deg, length_s) => Some(hand.turn(now_s, axis, angle_deg, length_s)),
-            Command::Pose(pose, length_s) => Some(hand.pose(now_s, pose, length_s)),
-            Command::Hand(grip) => {
-                hand.set_grip(grip);
-                None
-            }
-            _ => None,
-        })
-    });
-    match moved {
-        None => error(line, "no hand holds the sensor; start without --robot and --imu"),
-        Some(None) => done(line),
-        Some(Some(Span { begin_s, end_s, off_deg })) => json!({
-            "event": "done", "command": line, "begin_s": begin_s, "end_s": end_s, "off_deg": off_deg,
-        }),
-    }
+    let done = board.change_imu(|imu| imu.source.hand_mut().map(|hand| act(hand, now_s)));
+    done.ok_or("no hand holds the sensor; start without --robot and --imu")
+}
+
+/// Makes the hand move the sensor. Returns the reply.
+fn by_hand(line: &str, board: &mut Board, go: impl FnOnce(&mut Hand, f64) -> Span) -> Result<Value, String> {
+    let Span { begin_s, end_s, off_deg } = with_hand(board, go)?;
+    Ok(json!({ "event": "done", "command": line, "begin_s": begin_s, "end_s": end_s, "off_deg": off_deg }))
 }
 
 /// Returns the reply to `truth`: the simulator's samples, each with the program's clock in µs (`null` before its first
 /// frame). It is an error if there is no robot or the simulator failed.
-pub fn truth(line: &str, board: &mut Board) -> Value {
-    let Some(plant) = board.plant_mut() else {
-        return error(line, "there is no robot; start with --robot FILE.toml or --robot published");
-    };
+fn truth(board: &mut Board) -> Result<Value, String> {
+    let plant = board.plant_mut().ok_or("there is no robot; start with --robot FILE.toml or --robot published")?;
     let samples = plant.take_samples();
     if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
-        return error(line, &format!("the simulated robot could not go on: {problem}"));
+        return Err(format!("the simulated robot could not go on: {problem}"));
     }
     let (clock, resonator) = (&board.rig().clock, &board.rig().resonator);
     let board_us = |time_s: f64| clock.at(resonator.cycle(time_s)).map(|time| time.0);
     let samples: Vec<Value> =
         samples.iter().map(|sample| json!({ "board_us": board_us(sample.time_s), "sample": sample })).collect();
-    json!({ "event": "truth", "samples": samples })
+    Ok(json!({ "event": "truth", "samples": samples }))
 }
 
 /// Returns the errors of the board's sensor, and their kind.
@@ -199,7 +157,7 @@ pub fn sensor(board: &Board, kind: &Sensor) -> Value {
 }
 
 /// Returns the reply to `status`.
-pub fn status(board: &Board, port: &PortCount) -> Value {
+fn status(board: &Board, port: &PortCount) -> Value {
     let bridge = board.rig().bridge;
     let line = board.rig().serial.count();
     let bus = board.rig().imu.count();
@@ -246,13 +204,18 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{BoardOptions, Image};
 
     #[test]
     fn commands_are_plain_words() {
-        assert_eq!("  status ".parse(), Ok(Command::Status));
-        assert_eq!("drop 12".parse(), Ok(Command::Drop(12)));
-        assert!(matches!("fault blocked=2@1.5".parse(), Ok(Command::Fault(Timed { at_s: Some(1.5), .. }))));
+        // A program that does nothing.
+        let image = Image { segments: vec![(0, vec![0xFF, 0xCF])], ..Image::default() };
+        let mut board = Board::new(&image, BoardOptions::default()).unwrap();
+        let mut follow = |line: &str| follow(line, &mut board, &PortCount::default());
+        assert_eq!(follow("  status ").unwrap()["event"], "status");
         for right in [
+            "drop 12",
+            "fault blocked=2@1.5",
             "turn z 720 24",
             "turn x -12.5 0.5",
             "pose +x 3",
@@ -260,7 +223,7 @@ mod tests {
             "hand 0 0",
             "exchange 1000 00fF",
         ] {
-            assert!(right.parse::<Command>().is_ok(), "{right}");
+            assert!(follow(right).is_ok(), "{right}");
         }
         for wrong in [
             "turn w 1 1",
@@ -276,12 +239,12 @@ mod tests {
             "exchange 1000 0",
             "exchange 1000 gg",
         ] {
-            assert!(wrong.parse::<Command>().is_err(), "{wrong}");
+            assert!(follow(wrong).is_err(), "{wrong}");
         }
         for wrong in
             ["", "drop", "drop x", "drop -1", "fault", "fault jam", "fault nack 3", "fault nack=300", "statuss"]
         {
-            assert!(wrong.parse::<Command>().is_err(), "{wrong}");
+            assert!(follow(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -144,7 +144,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         load_eeprom(&mut board, path)?;
     }
     for Timed { fault, at_s } in &arguments.faults {
-        if let Some(problem) = board.refuses(fault) {
+        if let Some(problem) = fault.refused_by(&board) {
             return Err(problem.into());
         }
         match at_s {

@@ -2,12 +2,10 @@
 //! out, and time is kept.
 
 use crate::board::Board;
-use crate::control::{self, Command};
-use crate::fault::Timed;
+use crate::control;
 use crate::mcu::RunState;
 use crate::pace::Pace;
 use crate::port::{DRIVER_BUFFER, Port, PortCount, PortEvent};
-use serde_json::Value;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Duration;
@@ -47,10 +45,11 @@ impl Runner {
             };
             match next {
                 Ok(line) => {
-                    let (answer, goes_on) = self.follow(&line);
+                    let answer = control::follow(&line, &mut self.board, &self.count)
+                        .unwrap_or_else(|problem| control::error(&line, &problem));
                     writeln!(answers, "{answer}")?;
                     answers.flush()?;
-                    if !goes_on {
+                    if line.trim() == "quit" {
                         return Ok(());
                     }
                     continue;
@@ -81,40 +80,6 @@ impl Runner {
             }
             self.pace.wait_for(self.board.seconds());
         }
-    }
-
-    /// Carries out a command. Returns the reply, and whether to continue.
-    fn follow(&mut self, line: &str) -> (Value, bool) {
-        let command = match line.parse::<Command>() {
-            Ok(command) => command,
-            Err(problem) => return (control::error(line, &problem), true),
-        };
-        let board = &mut self.board;
-        match command {
-            Command::Play => {
-                if board.change_imu(|imu| imu.source.play()).is_none() {
-                    return (control::error(line, "the sensor has no recording; start with --imu FILE.csv"), true);
-                }
-            }
-            Command::Rewind => board.change_imu(|imu| imu.source.rewind()),
-            Command::Turn(..) | Command::Pose(..) | Command::Hand(_) => {
-                return (control::by_hand(line, board, command), true);
-            }
-            Command::Exchange(time_us, bytes) => return (control::exchange(line, board, time_us, &bytes), true),
-            Command::Truth => return (control::truth(line, board), true),
-            Command::Status => return (control::status(board, &self.count), true),
-            Command::Drop(frames) => board.rig_mut().serial.drop_frames(frames),
-            Command::Corrupt(frames) => board.rig_mut().serial.corrupt_frames(frames),
-            Command::Fault(Timed { fault, .. }) if let Some(problem) = board.refuses(&fault) => {
-                return (control::error(line, problem), true);
-            }
-            Command::Fault(Timed { fault, at_s: None }) => board.inject(fault),
-            Command::Fault(Timed { fault, at_s: Some(at_s) }) => board.inject_at(at_s, fault),
-            Command::ClearFaults => board.clear_faults(),
-            Command::Reset => board.reset(),
-            Command::Quit => return (control::done(line), false),
-        }
-        (control::done(line), true)
     }
 
     /// Passes bytes between board and port.
