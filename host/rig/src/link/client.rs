@@ -2,7 +2,7 @@
 
 use super::error::LinkError;
 use super::lock_step::{Advance, LockStep};
-use super::port;
+use super::port::{self, Port};
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
@@ -21,7 +21,9 @@ pub struct Link {
     path: String,
     opened: SystemTime,
     info: Info,
-    line: Line,
+    requests: Sender<PendingRequest>,
+    events: Receiver<Received>,
+    server: Server,
 }
 
 impl fmt::Debug for Link {
@@ -30,19 +32,17 @@ impl fmt::Debug for Link {
     }
 }
 
-/// The connection to the board.
-enum Line {
-    /// Through a port served by a thread.
-    Port {
+/// Who serves the line.
+enum Server {
+    /// A thread.
+    Thread {
         /// Time of the last heartbeat.
         alive: Arc<Mutex<Instant>>,
-        requests: Sender<PendingRequest>,
-        events: Receiver<Received>,
         thread: Option<JoinHandle<()>>,
         _claim: Claim,
     },
-    /// To an emulated board that waits for this program.
-    LockStep(Box<RefCell<LockStep>>),
+    /// This thread, while it waits for an emulated board that waits for this program; `None` once the board has ended.
+    Own(RefCell<Option<Worker<LockStep>>>),
 }
 
 /// A request that waits for its answer.
@@ -70,20 +70,22 @@ impl Link {
     /// As [`Link::open`], and [`LinkError::Interrupted`].
     pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
         let claim = port::claim(path)?;
-        let port = port::open(path)?;
+        let port = Port::open(path)?;
+        let opened = SystemTime::now();
         let (requests, pending) = channel();
         let (sender, events) = channel();
-        let opened = SystemTime::now();
         let alive = Arc::new(Mutex::new(Instant::now()));
-        let worker = Worker::new(port, pending, sender, alive.clone(), system::port::is_emulated(path));
+        let mut worker = Worker::new(port, pending, sender, Some(alive.clone()), first_seq());
+        if system::port::is_emulated(path) {
+            worker = worker.with_signs();
+        }
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())
             .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
-        let line = Line::Port { alive, requests, events, thread: Some(thread), _claim: claim };
-        let mut link = Self { path: path.to_owned(), opened, info: Info::default(), line };
-        link.info = link.handshake(interrupted)?;
-        Ok(link)
+        let server = Server::Thread { alive, thread: Some(thread), _claim: claim };
+        let link = Self { path: path.to_owned(), opened, info: Info::default(), requests, events, server };
+        link.shaken(interrupted)
     }
 
     /// Performs the handshake with an emulated board that waits for this program. `path`: its port, which is not
@@ -93,15 +95,22 @@ impl Link {
     /// As [`Link::open`].
     pub fn lock_step(path: &str, advance: Advance) -> Result<Self, LinkError> {
         let opened = SystemTime::now();
-        let line = Line::LockStep(Box::new(RefCell::new(LockStep::new(advance, opened))));
-        let mut link = Self { path: path.to_owned(), opened, info: Info::default(), line };
-        link.info = link.handshake(&AtomicBool::new(false))?;
-        Ok(link)
+        let (requests, pending) = channel();
+        let (sender, events) = channel();
+        let worker = Worker::new(LockStep::new(advance, opened), pending, sender, None, 0);
+        let server = Server::Own(RefCell::new(Some(worker)));
+        let link = Self { path: path.to_owned(), opened, info: Info::default(), requests, events, server };
+        link.shaken(&AtomicBool::new(false))
+    }
+
+    fn shaken(mut self, interrupted: &AtomicBool) -> Result<Self, LinkError> {
+        self.info = self.handshake(interrupted)?;
+        Ok(self)
     }
 
     /// Returns whether the board waits for this program.
     pub fn is_lock_step(&self) -> bool {
-        matches!(self.line, Line::LockStep(_))
+        matches!(self.server, Server::Own(_))
     }
 
     /// Returns the port.
@@ -125,11 +134,11 @@ impl Link {
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
         let asked = self.send(command)?;
-        let exchange = match &self.line {
-            Line::Port { .. } => asked.answer.recv().ok(),
-            Line::LockStep(line) => loop {
+        let exchange = match &self.server {
+            Server::Thread { .. } => asked.answer.recv().ok(),
+            Server::Own(worker) => loop {
                 match asked.answer.try_recv() {
-                    Err(TryRecvError::Empty) if line.borrow_mut().step() => {}
+                    Err(TryRecvError::Empty) if step(worker) => {}
                     exchange => break exchange.ok(),
                 }
             },
@@ -144,11 +153,7 @@ impl Link {
     pub fn send(&self, command: Command) -> Result<Asked, LinkError> {
         self.heartbeat();
         let (sender, answer) = channel();
-        let request = PendingRequest { command, answer: sender };
-        match &self.line {
-            Line::Port { requests, .. } => requests.send(request).map_err(|_| self.closed())?,
-            Line::LockStep(line) => line.borrow_mut().send(request),
-        }
+        self.requests.send(PendingRequest { command, answer: sender }).map_err(|_| self.closed())?;
         Ok(Asked { answer })
     }
 
@@ -199,7 +204,7 @@ impl Link {
     }
 
     fn heartbeat(&self) {
-        if let Line::Port { alive, .. } = &self.line {
+        if let Server::Thread { alive, .. } = &self.server {
             *lock(alive) = Instant::now();
         }
     }
@@ -213,22 +218,20 @@ impl Link {
     /// a little, unless the timeout is zero.
     pub fn next(&self, timeout: Duration) -> Option<Received> {
         self.heartbeat();
-        match &self.line {
-            Line::Port { events, .. } => match events.recv_timeout(timeout) {
-                Ok(received) => Some(received),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => {
-                    Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
+        let received = match &self.server {
+            Server::Thread { .. } => self.events.recv_timeout(timeout),
+            Server::Own(worker) => self.events.recv_timeout(Duration::ZERO).or_else(|nothing| {
+                if !timeout.is_zero() && step(worker) {
+                    return self.events.recv_timeout(Duration::ZERO);
                 }
-            },
-            Line::LockStep(line) => {
-                let mut line = line.borrow_mut();
-                line.event().or_else(|| {
-                    if !timeout.is_zero() {
-                        line.step();
-                    }
-                    line.event()
-                })
+                Err(nothing)
+            }),
+        };
+        match received {
+            Ok(received) => Some(received),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
             }
         }
     }
@@ -283,14 +286,32 @@ impl Link {
 impl Drop for Link {
     fn drop(&mut self) {
         // The thread stops the motors when the channel of requests closes.
-        if let Line::Port { requests, thread, .. } = &mut self.line {
-            let (closed, _) = channel();
-            *requests = closed;
-            if let Some(thread) = thread.take() {
-                let _ = thread.join();
+        match &mut self.server {
+            Server::Thread { thread, .. } => {
+                // The thread stops the motors when nobody can ask anything of it.
+                (self.requests, _) = channel();
+                if let Some(thread) = thread.take() {
+                    let _ = thread.join();
+                }
             }
+            Server::Own(worker) => drop(worker.take().map(Worker::end)),
         }
     }
+}
+
+/// Lets a board that waits for this program advance by a slice. Returns whether it is still running.
+fn step(worker: &RefCell<Option<Worker<LockStep>>>) -> bool {
+    let mut worker = worker.borrow_mut();
+    let is_running = worker.as_mut().is_some_and(|worker| worker.step().is_ok());
+    if !is_running {
+        *worker = None;
+    }
+    is_running
+}
+
+/// Returns a first sequence number that hardly equals an earlier program's last one, which the board remembers.
+fn first_seq() -> u8 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
 }
 
 fn name(command: &Command) -> String {

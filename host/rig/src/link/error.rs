@@ -52,6 +52,10 @@ pub enum LinkError {
     #[error("the board on {path} does not answer: no byte in {:.1} s", .waited.as_secs_f64())]
     #[diagnostic(help("check its power and cable, and flash it with `biflag flash --port {path}`"))]
     Silent { path: String, waited: Duration },
+    /// The stream ended.
+    #[error("the board on {path} stopped sending")]
+    #[diagnostic(help("check its power supply and cable, then start again"))]
+    Stopped { path: String },
     /// The user pressed Ctrl-C.
     #[error("interrupted")]
     Interrupted,

@@ -1,10 +1,11 @@
 //! Finds and opens the serial port.
 
 use super::error::LinkError;
+use super::worker::{Disconnected, Line};
 use serialport::{ClearBuffer, SerialPort, SerialPortType};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant, SystemTime};
 use system::claim::Claim;
 use system::port;
 
@@ -66,19 +67,51 @@ pub fn claim(path: &str) -> Result<Claim, LinkError> {
     Claim::take(path).map_err(|error| classify(path, error))
 }
 
-/// Opens the port at the protocol's speed and locks it.
-pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
-    // `serialport` reports a port in use as missing.
-    probe(path)?;
-    let port = serialport::new(path, protocol::BAUD)
-        .timeout(READ_TIMEOUT)
-        // It resets the board. Linux does so by itself, and a pseudo-terminal has no such line.
-        .dtr_on_open(true)
-        .open()
-        .map_err(|error| classify(path, error.into()))?;
-    // An answer to an earlier program must not be taken for the answer to the first request.
-    port.clear(ClearBuffer::Input).map_err(|error| classify(path, error.into()))?;
-    Ok(port)
+/// An open port.
+pub(super) struct Port {
+    port: Box<dyn SerialPort>,
+    opened: Instant,
+}
+
+impl Port {
+    /// Opens the port at the protocol's speed and locks it.
+    pub fn open(path: &str) -> Result<Self, LinkError> {
+        // `serialport` reports a port in use as missing.
+        probe(path)?;
+        let port = serialport::new(path, protocol::BAUD)
+            .timeout(READ_TIMEOUT)
+            // It resets the board. Linux does so by itself, and a pseudo-terminal has no such line.
+            .dtr_on_open(true)
+            .open()
+            .map_err(|error| classify(path, error.into()))?;
+        // An answer to an earlier program must not be taken for the answer to the first request.
+        port.clear(ClearBuffer::Input).map_err(|error| classify(path, error.into()))?;
+        Ok(Self { port, opened: Instant::now() })
+    }
+}
+
+impl Line for Port {
+    fn read(&mut self) -> Result<Vec<u8>, Disconnected> {
+        let mut buffer = [0; 1024];
+        match self.port.read(&mut buffer) {
+            Ok(0) => Err(Disconnected),
+            Ok(read) => Ok(buffer[..read].to_vec()),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(Vec::new()),
+            Err(_) => Err(Disconnected),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), Disconnected> {
+        self.port.write_all(bytes).map_err(|_| Disconnected)
+    }
+
+    fn now(&self) -> Duration {
+        self.opened.elapsed()
+    }
+
+    fn wall(&self) -> SystemTime {
+        SystemTime::now()
+    }
 }
 
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {

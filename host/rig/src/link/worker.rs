@@ -1,12 +1,9 @@
-//! The thread that owns the port: it sends requests with retries, pings the board, decodes received bytes, and passes
-//! events on.
+//! Serves a line: sends requests with retries, pings the board, decodes received bytes, and passes events on.
 
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
 use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};
-use serialport::SerialPort;
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
@@ -64,7 +61,7 @@ pub(super) struct PendingRequest {
 }
 
 /// Wait after each attempt.
-pub(super) const BACK_OFF: [Duration; 5] = [
+const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(50),
     Duration::from_millis(100),
     Duration::from_millis(200),
@@ -91,14 +88,30 @@ const BUSY: Duration = Duration::from_secs(3);
 /// terminal that blocks the program's output does.
 const HANG_TIMEOUT: Duration = Duration::from_secs(5);
 
-pub(super) struct Worker {
-    port: Box<dyn SerialPort>,
+/// What a link speaks through.
+pub(super) trait Line {
+    /// Waits a moment for bytes, and returns those that have arrived.
+    fn read(&mut self) -> Result<Vec<u8>, Disconnected>;
+    /// Sends bytes.
+    fn write(&mut self, bytes: &[u8]) -> Result<(), Disconnected>;
+    /// Returns the time since the link was opened.
+    fn now(&self) -> Duration;
+    /// Returns the time of the host's wall clock.
+    fn wall(&self) -> SystemTime;
+}
+
+/// The port has disappeared, or the program has closed the link.
+pub(super) struct Disconnected;
+
+/// Serves a line: one request after the other, and pings between them. Its times count since the link was opened.
+pub(super) struct Worker<L: Line> {
+    line: L,
     requests: Receiver<PendingRequest>,
     waiting: VecDeque<PendingRequest>,
     events: Sender<Received>,
-    /// Time of the program's last heartbeat.
-    alive: Arc<Mutex<Instant>>,
-    begun: Instant,
+    /// Time of the program's last heartbeat; `None` if the board's time waits for this program: it needs no pings, and is never
+    /// silent.
+    alive: Option<Arc<Mutex<Instant>>>,
     accumulator: Accumulator,
     in_flight: Option<InFlight>,
     seq: u8,
@@ -106,14 +119,14 @@ pub(super) struct Worker {
     /// Whether the board was told to stream.
     streaming: bool,
     /// When the last frame of the stream arrived, or without a stream, the last answer.
-    heard: Instant,
+    heard: Duration,
     /// Number of bytes received since `heard`.
     unheard: usize,
     /// When its silence was last reported; before that, the same as `heard`.
-    silence_told: Instant,
-    next_ping: Instant,
-    /// When the next sign of life is due; `None` for a real board, whose time passes anyway.
-    next_sign: Option<Instant>,
+    silence_told: Duration,
+    next_ping: Duration,
+    /// When the next sign of life is due; `None` for a board whose time passes anyway.
+    next_sign: Option<Duration>,
     /// The board's clock in the last frame of its stream, and in the last frame before the last request.
     board_time: Option<Micros>,
     board_time_at_send: Option<Micros>,
@@ -124,52 +137,57 @@ struct InFlight {
     exchange: Exchange,
     /// The receiver of the answer; `None` for a ping.
     answer: Option<Sender<Exchange>>,
-    retry_at: Instant,
+    retry_at: Duration,
 }
 
-/// The port has disappeared, or the program has closed the link.
-struct Disconnected;
-
-impl Worker {
+impl<L: Line> Worker<L> {
+    /// Returns the worker of a line. `seq`: the number before that of the first request.
     pub(super) fn new(
-        port: Box<dyn SerialPort>,
+        line: L,
         requests: Receiver<PendingRequest>,
         events: Sender<Received>,
-        alive: Arc<Mutex<Instant>>,
-        is_emulated: bool,
+        alive: Option<Arc<Mutex<Instant>>>,
+        seq: u8,
     ) -> Self {
-        let begun = Instant::now();
         Self {
-            port,
+            line,
             requests,
             waiting: VecDeque::new(),
             events,
             alive,
-            begun,
             accumulator: Accumulator::new(),
             in_flight: None,
-            seq: first_seq(),
+            seq,
             handshake_done: false,
             streaming: false,
-            heard: begun,
+            heard: Duration::ZERO,
             unheard: 0,
-            silence_told: begun,
-            next_ping: begun,
-            next_sign: is_emulated.then_some(begun),
+            silence_told: Duration::ZERO,
+            next_ping: Duration::ZERO,
+            next_sign: None,
             board_time: None,
             board_time_at_send: None,
         }
     }
 
+    /// The same for an emulated board, whose time stops without signs of life.
+    pub(super) fn with_signs(self) -> Self {
+        Self { next_sign: Some(Duration::ZERO), ..self }
+    }
+
     pub(super) fn run(mut self) {
         while self.step().is_ok() {}
-        // Stop the motors, however the link ended. If this request is lost, the board's own deadline stops them.
+        self.end();
+    }
+
+    /// Stops the motors, however the link ended. If this request is lost, the board's own deadline stops them.
+    pub(super) fn end(mut self) {
         let _ = self.send(Command::Stop);
         self.emit(Event::Closed);
     }
 
-    fn step(&mut self) -> Result<(), Disconnected> {
-        self.read()?;
+    /// Sends what is due, and reads what has arrived.
+    pub(super) fn step(&mut self) -> Result<(), Disconnected> {
         loop {
             match self.requests.try_recv() {
                 Ok(request) => self.waiting.push_back(request),
@@ -179,70 +197,66 @@ impl Worker {
             }
         }
         self.show_life()?;
-        if self.in_flight.is_some() {
-            return self.retry();
+        self.retry()?;
+        if self.in_flight.is_none() {
+            if let Some(request) = self.waiting.pop_front() {
+                self.begin(request.command, Some(request.answer))?;
+            } else if self.handshake_done && self.is_program_alive() && self.is_ping_due() && self.is_heard() {
+                self.begin(Command::Ping, None)?;
+            }
         }
-        if let Some(request) = self.waiting.pop_front() {
-            return self.begin(request.command, Some(request.answer));
-        }
-        if self.handshake_done && self.is_ping_due() && self.is_program_alive() && self.is_heard() {
-            return self.begin(Command::Ping, None);
-        }
-        Ok(())
+        self.read()
     }
 
     /// Sends a delimiter to an emulated board while this program waits for it: an empty frame, which has no content and
     /// feeds no deadline.
     fn show_life(&mut self) -> Result<(), Disconnected> {
-        let is_due = self.next_sign.is_some_and(|due| Instant::now() >= due);
+        let is_due = self.next_sign.is_some_and(|due| self.line.now() >= due);
         if is_due && self.is_program_alive() { self.write_bytes(&[0]) } else { Ok(()) }
     }
 
     fn is_ping_due(&self) -> bool {
         let times = self.board_time.zip(self.board_time_at_send);
         times.is_some_and(|(now, at_send)| u128::from(now.since(at_send)) >= PING_EVERY.as_micros())
-            || Instant::now() >= self.next_ping
+            || self.line.now() >= self.next_ping
     }
 
     /// Returns whether the program is alive. A hung program must not keep the motors turning: without pings the board
     /// stops them.
     fn is_program_alive(&self) -> bool {
-        lock(&self.alive).elapsed() < HANG_TIMEOUT
+        self.alive.as_ref().is_some_and(|alive| lock(alive).elapsed() < HANG_TIMEOUT)
     }
 
     /// Returns whether the board was heard in the last second. While it streams, noise and answers are not enough: only
     /// its frames show the motion of the motors.
     fn is_heard(&self) -> bool {
-        self.heard.elapsed() <= SILENCE
+        self.line.now().saturating_sub(self.heard) <= SILENCE
     }
 
     fn hear(&mut self) {
-        self.heard = Instant::now();
+        self.heard = self.line.now();
         (self.silence_told, self.unheard) = (self.heard, 0);
     }
 
     fn read(&mut self) -> Result<(), Disconnected> {
         // Silence counts up to here: after a stop of this program, its port has buffered bytes.
-        let asked = Instant::now();
-        let mut buffer = [0; 1024];
-        match self.port.read(&mut buffer) {
-            Ok(0) => return Err(Disconnected),
-            Ok(read) => self.decode(&buffer[..read]),
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(_) => return Err(Disconnected),
+        let asked = self.line.now();
+        let bytes = self.line.read()?;
+        if !bytes.is_empty() {
+            self.decode(bytes);
         }
-        if self.streaming && asked.saturating_duration_since(self.silence_told) > SILENCE {
+        if self.streaming && self.alive.is_some() && asked.saturating_sub(self.silence_told) > SILENCE {
             self.silence_told = asked;
             self.emit(Event::Silent { bytes: self.unheard });
         }
         Ok(())
     }
 
-    fn decode(&mut self, bytes: &[u8]) {
+    fn decode(&mut self, bytes: Vec<u8>) {
         self.unheard += bytes.len();
-        self.emit(Event::Raw(bytes.to_vec()));
+        self.emit(Event::Raw(bytes.clone()));
         for byte in bytes {
-            match self.accumulator.push::<Message>(*byte) {
+            match self.accumulator.push::<Message>(byte) {
                 None => {}
                 Some(Ok(Message::Telemetry(telemetry))) => {
                     self.hear();
@@ -256,10 +270,10 @@ impl Worker {
     }
 
     fn begin(&mut self, command: Command, answer: Option<Sender<Exchange>>) -> Result<(), Disconnected> {
-        let (sent, sent_at) = (SystemTime::now(), self.begun.elapsed());
+        let (sent, sent_at) = (self.line.wall(), self.line.now());
         let request = self.send(command)?;
         let exchange = Exchange { request, attempts: 1, reply: None, sent, sent_at };
-        self.in_flight = Some(InFlight { exchange, answer, retry_at: Instant::now() + BACK_OFF[0] });
+        self.in_flight = Some(InFlight { exchange, answer, retry_at: self.line.now() + BACK_OFF[0] });
         Ok(())
     }
 
@@ -267,7 +281,7 @@ impl Worker {
     /// next one is due soon.
     fn retry(&mut self) -> Result<(), Disconnected> {
         let Some(in_flight) = &mut self.in_flight else { return Ok(()) };
-        if Instant::now() < in_flight.retry_at {
+        if self.line.now() < in_flight.retry_at {
             return Ok(());
         }
         let Some(wait) = BACK_OFF.get(in_flight.exchange.attempts as usize).filter(|_| in_flight.answer.is_some())
@@ -281,7 +295,7 @@ impl Worker {
         // The handshake has a limit of its own, and after a silence there is nothing to wait for.
         let may_be_busy = self.handshake_done && self.next_sign.is_some() && self.silence_told == self.heard;
         let is_last = in_flight.exchange.attempts as usize == BACK_OFF.len();
-        in_flight.retry_at = Instant::now() + if is_last && may_be_busy { BUSY } else { *wait };
+        in_flight.retry_at = self.line.now() + if is_last && may_be_busy { BUSY } else { *wait };
         let request = in_flight.exchange.request;
         self.write(&request)
     }
@@ -320,24 +334,19 @@ impl Worker {
     fn write(&mut self, request: &Request) -> Result<(), Disconnected> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(request, &mut buffer).map_err(|_| Disconnected)?;
-        self.next_ping = Instant::now() + PING_EVERY;
+        self.next_ping = self.line.now() + PING_EVERY;
         self.board_time_at_send = self.board_time;
         let line = [&[0], &*frame].concat();
         self.write_bytes(&line)
     }
 
     fn write_bytes(&mut self, bytes: &[u8]) -> Result<(), Disconnected> {
-        self.next_sign = self.next_sign.map(|_| Instant::now() + SIGN_OF_LIFE_EVERY);
-        self.port.write_all(bytes).map_err(|_| Disconnected)
+        self.next_sign = self.next_sign.map(|_| self.line.now() + SIGN_OF_LIFE_EVERY);
+        self.line.write(bytes)
     }
 
     fn emit(&mut self, event: Event) {
         // A program that no longer listens also closes the channel of requests, which the next step detects.
-        let _ = self.events.send(Received { wall: SystemTime::now(), at: self.begun.elapsed(), event });
+        let _ = self.events.send(Received { wall: self.line.wall(), at: self.line.now(), event });
     }
-}
-
-/// Returns a first sequence number that hardly equals an earlier program's last one, which the board remembers.
-fn first_seq() -> u8 {
-    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
 }

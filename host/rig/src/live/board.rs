@@ -6,35 +6,19 @@ use crate::run::fault_text;
 use biflag_log::LinkStats;
 use biflag_log::schema::biflag;
 use biflag_log::{Converter, EventKind, event};
-use miette::Diagnostic;
 use protocol::{Command, Fault, Settings, State, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use study::attitude::rotation;
 use study::draw;
 use study::trial::DAMAGED_FRAME;
-use thiserror::Error;
-
-/// Why watching the board failed.
-#[derive(Debug, Error, Diagnostic)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum WatchError {
-    /// The link failed.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Link(#[from] LinkError),
-    /// The stream ended.
-    #[error("the board on {port} stopped sending")]
-    #[diagnostic(help("check its power supply and cable, then start again"))]
-    Silent { port: String },
-}
 
 /// Starts the board's telemetry and serves it until the user interrupts the program. It neither sends speeds nor clears
 /// faults. The motors are at rest, because a board stops them if no host is connected.
 ///
 /// # Errors
-/// [`WatchError`].
-pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, WatchError> {
+/// [`LinkError`].
+pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, LinkError> {
     let mut stream = Stream::new(Converter::new(settings, link.info().imu_id), live);
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     while !interrupted.load(Ordering::Relaxed) {
@@ -45,8 +29,8 @@ pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicB
                 stream.monitor.damaged(error);
                 stream.event(EventKind::Warning, &format!("{DAMAGED_FRAME}: {error}"));
             }
-            Event::Silent { .. } => return Err(WatchError::Silent { port: link.path().to_owned() }),
-            Event::Closed => return Err(link.closed().into()),
+            Event::Silent { .. } => return Err(LinkError::Stopped { path: link.path().to_owned() }),
+            Event::Closed => return Err(link.closed()),
             Event::Raw(_) | Event::Exchange(_) => {}
         }
     }

@@ -14,7 +14,7 @@ mod origin;
 mod playback;
 mod server;
 
-pub use board::{WatchError, watch};
+pub use board::watch;
 pub use browser::Browser;
 pub use error::LiveError;
 pub use feed::Feed;

@@ -45,6 +45,14 @@ pub enum RecordError {
     #[error("the encoders' lines had {0:.0} edges a second that are not motion")]
     #[diagnostic(help("{CABLE_CURE}; then continue with --resume"))]
     Disturbed(f64),
+    /// A reading at the end of the range while the sensor is followed.
+    #[error("a reading was at the end of the sensor's range")]
+    #[diagnostic(help("move the sensor more slowly, without a knock; its range is {range_dps} °/s (gyro_range_dps)"))]
+    Clipped { range_dps: u16 },
+    /// Frames are missing while the sensor is followed.
+    #[error("{gap_s:.1} s of readings are missing")]
+    #[diagnostic(help("check the cable and close programs that load the computer, then start again"))]
+    Gap { gap_s: f64 },
     /// The swing of the robot does not tell the speed of a motor.
     #[error("the robot does not swing as with motor {motor} alone at a duty of {duty} of 255: {reason}")]
     #[diagnostic(help(

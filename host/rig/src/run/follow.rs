@@ -3,50 +3,18 @@
 
 use super::error::{RecordError, fault_text};
 use super::stream::Silences;
-use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock};
-use biflag_log::{Converter, EventKind, LinkStats, LogError, Writer};
-use miette::Diagnostic;
+use crate::link::{Arrival, BoardClock, Event, Exchange, Link, Monitor, PingClock};
+use biflag_log::{Converter, EventKind, LinkStats, Writer};
 use protocol::{Command, Fault, Reply, Settings, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 use study::sensor::RawReading;
-use thiserror::Error;
 
 /// Interval of the pings that compare the clocks.
 const PING_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Largest gap between two readings, s. A turn by hand during a longer gap would be lost.
 const LONGEST_GAP_S: f64 = 0.25;
-
-/// Why the sensor could not be followed.
-#[derive(Debug, Error, Diagnostic)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum FollowError {
-    /// The board, the link or the log failed.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Record(#[from] RecordError),
-    /// A reading at the end of the range.
-    #[error("a reading was at the end of the sensor's range")]
-    #[diagnostic(help("move the sensor more slowly, without a knock; its range is {range_dps} °/s (gyro_range_dps)"))]
-    Clipped { range_dps: u16 },
-    /// Frames are missing.
-    #[error("{gap_s:.1} s of readings are missing")]
-    #[diagnostic(help("check the cable and close programs that load the computer, then start again"))]
-    Gap { gap_s: f64 },
-}
-
-impl From<LinkError> for FollowError {
-    fn from(error: LinkError) -> Self {
-        Self::Record(error.into())
-    }
-}
-
-impl From<LogError> for FollowError {
-    fn from(error: LogError) -> Self {
-        Self::Record(error.into())
-    }
-}
 
 /// Result of following the sensor.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,8 +29,8 @@ pub struct Followed {
 /// Streams readings to `take` until it returns `false`. `settings` are the board's settings.
 ///
 /// # Errors
-/// [`FollowError`], and the error of `take`.
-pub fn follow<E: From<FollowError>>(
+/// [`RecordError`], and the error of `take`.
+pub fn follow<E: From<RecordError>>(
     link: &Link,
     settings: &Settings,
     log: &mut Writer,
@@ -83,7 +51,7 @@ pub fn follow<E: From<FollowError>>(
     };
     let ended = link.command(Command::Stream { rate_hz: 0 });
     outcome?;
-    ended.map_err(FollowError::from)?;
+    ended.map_err(RecordError::from)?;
     let is_emulated = system::port::is_emulated(link.path());
     let clock = stream.pings.fit(link.opened()).filter(|_| !is_emulated);
     Ok(Followed { link: stream.monitor.stats(), clock_error: clock.map(|clock| clock.drift_ppm * 1e-6) })
@@ -103,7 +71,7 @@ struct Stream<'a> {
 }
 
 impl<'a> Stream<'a> {
-    fn start(link: &'a Link, settings: &'a Settings, interrupted: &'a AtomicBool) -> Result<Self, FollowError> {
+    fn start(link: &'a Link, settings: &'a Settings, interrupted: &'a AtomicBool) -> Result<Self, RecordError> {
         super::stream::end(link)?;
         link.clear_fault()?;
         link.command(Command::Stream { rate_hz: TICK_HZ })?;
@@ -122,9 +90,9 @@ impl<'a> Stream<'a> {
     }
 
     /// Waits a moment for the next reading.
-    fn next(&mut self, log: &mut Writer) -> Result<Option<RawReading>, FollowError> {
+    fn next(&mut self, log: &mut Writer) -> Result<Option<RawReading>, RecordError> {
         if self.interrupted.load(Ordering::Relaxed) {
-            return Err(RecordError::Interrupted.into());
+            return Err(RecordError::Interrupted);
         }
         if self.pinged.elapsed() >= PING_INTERVAL {
             self.pinged = Instant::now();
@@ -161,7 +129,7 @@ impl<'a> Stream<'a> {
         frame: &Telemetry,
         host: SystemTime,
         log: &mut Writer,
-    ) -> Result<Option<RawReading>, FollowError> {
+    ) -> Result<Option<RawReading>, RecordError> {
         let arrival = self.monitor.frame(frame);
         if arrival == Arrival::Repeated {
             return Ok(None);
@@ -174,17 +142,17 @@ impl<'a> Stream<'a> {
         log.message(&self.converter.telemetry(frame, board_us, time_s), host)?;
         if frame.fault != Fault::None {
             log.event(EventKind::Fault, &format!("{:?}: {}", frame.fault, fault_text(frame.fault)), host)?;
-            return Err(RecordError::Faulted(frame.fault).into());
+            return Err(RecordError::Faulted(frame.fault));
         }
         if !frame.imu_fresh {
             return Ok(None);
         }
         if let Some((last, last_s)) = self.last.replace((*frame, time_s)) {
             if frame.clipped != last.clipped {
-                return Err(FollowError::Clipped { range_dps: self.settings.gyro_range.full_scale_dps() });
+                return Err(RecordError::Clipped { range_dps: self.settings.gyro_range.full_scale_dps() });
             }
             if time_s - last_s > LONGEST_GAP_S {
-                return Err(FollowError::Gap { gap_s: time_s - last_s });
+                return Err(RecordError::Gap { gap_s: time_s - last_s });
             }
         }
         Ok(Some(RawReading::of(frame, self.settings, time_s)))

@@ -56,9 +56,7 @@ pub fn measure(
     interrupted: &AtomicBool,
     mut progress: impl FnMut(&str),
 ) -> Result<MeasuredLines, RecordError> {
-    let mut result = MeasuredLines { lines: Lines::default(), turns_back: [false; 2] };
     link.clear_fault()?;
-    link.command(Command::Stream { rate_hz: TICK_HZ })?;
     let mut half = |motor: usize, sense: i16| {
         let which = if sense > 0 { "forwards" } else { "backwards" };
         let done = 2 * motor as u32 + u32::from(sense < 0);
@@ -66,7 +64,8 @@ pub fn measure(
         progress(&format!("measuring motor {} {which}; {} minutes left", motor + 1, left_s.div_ceil(60)));
         Half { link, interrupted, motor, sense }.measure()
     };
-    let mut measure = || -> Result<(), RecordError> {
+    stream::with_motors(link, || {
+        let mut result = MeasuredLines { lines: Lines::default(), turns_back: [false; 2] };
         for motor in 0..2 {
             let ((forwards, supply_v), (backwards, _)) = (half(motor, 1)?, half(motor, -1)?);
             result.lines.supply_v = supply_v;
@@ -79,12 +78,8 @@ pub fn measure(
             }
             result.lines.motor[motor] = Line { forwards, backwards };
         }
-        Ok(())
-    };
-    let measured = measure();
-    link.command(Command::Stop)?;
-    stream::end(link)?;
-    measured.map(|()| result)
+        Ok(result)
+    })
 }
 
 /// A motor that turns alone in a sense.

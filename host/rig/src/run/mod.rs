@@ -26,7 +26,7 @@ mod virtual_nano;
 
 pub use avrdude::{FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
-pub use follow::{FollowError, Followed, follow};
+pub use follow::{Followed, follow};
 pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_of_image, commit_text, repository};
 pub use simulated::SimulatedRobot;

@@ -5,7 +5,7 @@ use super::refusal::PreflightError;
 use super::stream;
 use crate::link::{Link, LinkError};
 use protocol::units::{CentiRpm, EncoderCounts};
-use protocol::{Command, Fault, Info, MAX_TURN_SPEED, Reply, Settings, State, TICK_HZ};
+use protocol::{Command, Fault, Info, MAX_TURN_SPEED, Reply, Settings, State};
 use std::sync::atomic::AtomicBool;
 
 /// Speed of a flagellum on the way to its starting angle.
@@ -87,18 +87,11 @@ pub fn turn(
     speed: CentiRpm,
     interrupted: &AtomicBool,
 ) -> Result<[EncoderCounts; 2], RecordError> {
-    link.command(Command::Stream { rate_hz: TICK_HZ })?;
     let position = position.map(|counts| EncoderCounts(counts.round() as i32));
-    let reached = link
-        .command(Command::TurnTo { position, speed })
-        .map_err(RecordError::from)
-        .and_then(|()| wait(link, interrupted));
-    // Stops motors that have not arrived.
-    let stopped = link.command(Command::Stop);
-    stream::end(link)?;
-    let reached = reached?;
-    stopped?;
-    Ok(reached)
+    stream::with_motors(link, || {
+        link.command(Command::TurnTo { position, speed })?;
+        wait(link, interrupted)
+    })
 }
 
 fn wait(link: &Link, interrupted: &AtomicBool) -> Result<[EncoderCounts; 2], RecordError> {

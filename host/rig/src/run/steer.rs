@@ -96,21 +96,21 @@ fn rest(
 ) -> Result<DriftRate, RecordError> {
     recorder.begin()?;
     still::wait(recorder, context.progress, trial)?;
-    let mut start_us = recorder.rested_us();
+    let mut start_us = recorder.rested_us;
     if trial.phases.calibrate_s > 0.0 {
         start_us += ticks_us(calibrate(recorder, context, trial, settings, true)?);
         record_until(recorder, context, start_us)?;
     }
-    recorder.record_meanwhile(Some(u8::MAX));
+    recorder.recorded_phase = Some(u8::MAX);
     context.progress.phase(&trial.name, Phase::Preroll.name());
     recorder.change(EventKind::Phase, Phase::Preroll.name(), start_us)?;
     let end_us = start_us + ticks_us(trial.phases.preroll_s);
     let mut yaw = Columns::<1>::default();
     loop {
         let frame = recorder.keep_next()?;
-        context.progress.within(frame.board_us.saturating_sub(recorder.rested_us()) as f64 * 1e-6);
+        context.progress.within(frame.board_us.saturating_sub(recorder.rested_us) as f64 * 1e-6);
         if frame.board_us >= start_us + ticks_us(SETTLING_S) {
-            yaw.push((frame.board_us - start_us) as f64 * 1e-6, [recorder.readout().angles_deg()[0]]);
+            yaw.push((frame.board_us - start_us) as f64 * 1e-6, [recorder.readout.angles_deg()[0]]);
         }
         if frame.board_us + 3 * TICK_US / 2 >= end_us {
             recorder.level()?;
@@ -133,7 +133,7 @@ fn ticks_us(seconds: f64) -> u64 {
 
 /// Records until a time of the board's clock.
 fn record_until(recorder: &mut Recorder, context: &RunContext, until_us: u64) -> Result<(), RecordError> {
-    let rested_us = recorder.rested_us();
+    let rested_us = recorder.rested_us;
     recorder.record_until(|frame, _| {
         context.progress.within(frame.board_us.saturating_sub(rested_us) as f64 * 1e-6);
         frame.board_us + TICK_US / 2 >= until_us
@@ -190,8 +190,8 @@ impl Course<'_, '_> {
             self.follow(&frame)?;
             if frame.board_us >= shown_us + FIGURES_US {
                 shown_us = frame.board_us;
-                context.progress.within(frame.board_us.saturating_sub(self.recorder.rested_us()) as f64 * 1e-6);
-                context.progress.figures(&self.recorder.readout().to_string());
+                context.progress.within(frame.board_us.saturating_sub(self.recorder.rested_us) as f64 * 1e-6);
+                context.progress.figures(&self.recorder.readout.to_string());
             }
             frame = self.recorder.keep_next()?;
         }
@@ -293,7 +293,7 @@ impl Course<'_, '_> {
 
     /// Returns the robot's measured state from the last recorded frame.
     fn measured(&self, frame: &Frame) -> Measured {
-        let [yaw_deg, pitch_deg, roll_deg] = self.recorder.readout().angles_deg();
+        let [yaw_deg, pitch_deg, roll_deg] = self.recorder.readout.angles_deg();
         let drifted_s = frame.board_us.saturating_sub(self.drift.zero_us) as f64 * 1e-6;
         Measured {
             yaw_deg: yaw_deg - self.drift.dps * drifted_s,

@@ -24,10 +24,10 @@ pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) 
     if rest_at_most_s == 0.0 || calibrate_s + preroll_s == 0.0 {
         return Ok(false);
     }
-    let begun_us = recorder.rested_us();
+    let begun_us = recorder.rested_us;
     progress.phase(&trial.name, "wait until still");
     recorder.change(EventKind::Phase, WAIT, begun_us)?;
-    recorder.record_meanwhile(Some(Phase::Calibrate.number()));
+    recorder.recorded_phase = Some(Phase::Calibrate.number());
     let longest_us = (rest_at_most_s / GRID_S).ceil() as u64 * (GRID_S * 1e6) as u64;
     let mut waited_us = 0;
     let (still, motion) = loop {
@@ -40,7 +40,7 @@ pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) 
             break (still, motion);
         }
     };
-    recorder.end_wait(begun_us + waited_us);
+    recorder.rested_us = begun_us + waited_us;
     recorder.trial.waited(&RestMeta {
         still,
         waited_s: waited_us as f64 * 1e-6,
@@ -64,7 +64,7 @@ pub(super) fn decay(
         if is_over(record_until(recorder, check_us, &is_over)?) {
             return Ok(None);
         }
-        progress.within((check_us - recorder.rested_us()) as f64 * 1e-6);
+        progress.within((check_us - recorder.rested_us) as f64 * 1e-6);
         if let Some(motion) = recorder.trial.motion() {
             progress.figures(&text(&motion));
             if motion.is_still() {

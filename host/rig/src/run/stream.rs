@@ -2,7 +2,7 @@
 
 use super::error::RecordError;
 use crate::link::{Event, Link, LinkError};
-use protocol::{Command, Telemetry};
+use protocol::{Command, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -50,6 +50,21 @@ pub(super) fn next_frame(link: &Link, interrupted: &AtomicBool) -> Result<Teleme
             _ => {}
         }
     }
+}
+
+/// Does something with motors while the board streams; then stops them, and the stream: it must not fill memory while the user
+/// reads.
+///
+/// # Errors
+/// Those of `work`; as [`Link::command`].
+pub(super) fn with_motors<T>(link: &Link, work: impl FnOnce() -> Result<T, RecordError>) -> Result<T, RecordError> {
+    link.command(Command::Stream { rate_hz: TICK_HZ })?;
+    let done = work();
+    let stopped = link.command(Command::Stop);
+    end(link)?;
+    let done = done?;
+    stopped?;
+    Ok(done)
 }
 
 /// Ends the telemetry and discards everything that has already arrived.

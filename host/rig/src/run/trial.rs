@@ -174,7 +174,7 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
         return phases;
     }
     let keep = if phases.is_err() { Keep::Frames } else { Keep::Answers };
-    recorder.record_meanwhile(phases.is_err().then_some(u8::MAX));
+    recorder.recorded_phase = phases.is_err().then_some(u8::MAX);
     let (stopped, meanwhile) = recorder.exchange(Command::Stop);
     let mut outcome = first_failure(phases, meanwhile);
     if stopped.is_ok() {
@@ -205,7 +205,7 @@ fn begin(
     let count = points.len();
     recorder.begin()?;
     let waits = still::wait(recorder, context.progress, trial)?;
-    let begun_us = recorder.rested_us();
+    let begun_us = recorder.rested_us;
     if trial.phases.calibrate_s > 0.0 {
         // Before the start: a refusal must come before the motors turn.
         let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
@@ -306,7 +306,7 @@ fn record_until(
     context: &RunContext,
     ends: impl Fn(&Frame) -> bool,
 ) -> Result<Frame, RecordError> {
-    let rested_us = recorder.rested_us();
+    let rested_us = recorder.rested_us;
     let mut shown_us = 0;
     recorder.record_until(|frame, readout| {
         context.progress.within(frame.board_us.saturating_sub(rested_us) as f64 * 1e-6);
@@ -341,8 +341,8 @@ pub(super) fn calibrate(
     let phase_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
     let duration_s = phase_s - CALIBRATION_MARGIN_S;
     context.progress.phase(&trial.name, Phase::Calibrate.name());
-    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us())?;
-    recorder.record_meanwhile(Some(Phase::Calibrate.number()));
+    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us)?;
+    recorder.recorded_phase = Some(Phase::Calibrate.number());
     let duration_ms = (duration_s * 1e3).round().min(60_000.0) as u16;
     recorder.command(Command::CalibrateGyro { duration_ms })?;
     let asked_us = recorder.board_now_us()?;

@@ -9,7 +9,7 @@ use crate::output::OutputError;
 use crate::plan::board;
 use crate::program;
 use crate::progress::Progress;
-use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow, note as board_note};
+use crate::run::rig::{Followed, RecordError, VirtualNano, follow, note as board_note};
 use crate::signals::interruption;
 use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
 use miette::Report;
@@ -176,8 +176,8 @@ pub enum Kept {
 /// An error of a reading's function.
 struct Failure(Report);
 
-impl From<FollowError> for Failure {
-    fn from(error: FollowError) -> Self {
+impl From<RecordError> for Failure {
+    fn from(error: RecordError) -> Self {
         Self(error.into())
     }
 }

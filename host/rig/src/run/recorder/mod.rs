@@ -56,7 +56,8 @@ pub(super) struct Recorder<'a> {
     standing: Standing,
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
-    readout: Readout,
+    /// Figures of the frames recorded so far.
+    pub(super) readout: Readout,
     interrupted: &'a AtomicBool,
     /// Records the ground truth of a simulated robot.
     truth: Option<TruthRecorder<'a>>,
@@ -66,12 +67,12 @@ pub(super) struct Recorder<'a> {
     waiting: VecDeque<Frame>,
     /// The last phase whose frames are recorded while waiting for an answer; `None` while frames do not belong to the
     /// trial.
-    recorded_phase: Option<u8>,
+    pub(super) recorded_phase: Option<u8>,
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
     begun_us: u64,
     /// The board's clock at the end of the wait for a still robot, µs: the start of the plan.
-    rested_us: u64,
+    pub(super) rested_us: u64,
     /// The board's clock at the last recorded frame, µs; `None` before the first.
     reached_us: Option<u64>,
     pings: PingClock,
@@ -201,11 +202,6 @@ impl<'a> Recorder<'a> {
         self.interrupted.load(Ordering::Relaxed)
     }
 
-    /// Returns the figures of the frames recorded so far.
-    pub(super) fn readout(&self) -> &Readout {
-        &self.readout
-    }
-
     /// Counts the missing frames between the last one and the tick at `end_us`, which ends the trial. The frame after
     /// them does not belong to the trial.
     pub(super) fn end_at(&mut self, end_us: u64) -> Result<(), RecordError> {
@@ -232,16 +228,6 @@ impl<'a> Recorder<'a> {
         if is_late && !self.monitor.is_next(&first.telemetry) { planned_us } else { first.board_us }
     }
 
-    /// Returns the board's clock at the start of the plan, µs.
-    pub(super) fn rested_us(&self) -> u64 {
-        self.rested_us
-    }
-
-    /// Ends the wait for a still robot at a time of the board's clock, µs.
-    pub(super) fn end_wait(&mut self, rested_us: u64) {
-        self.rested_us = rested_us;
-    }
-
     /// Records an event; queues a telemetry frame.
     fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
         if let Some((telemetry, host)) = self.take(received)? {
@@ -250,12 +236,6 @@ impl<'a> Recorder<'a> {
             self.waiting.push_back(Frame { board_us, host, telemetry });
         }
         Ok(())
-    }
-
-    /// Sets the last phase whose frames are recorded while waiting for an answer; `None` while frames do not belong to
-    /// the trial.
-    pub(super) fn record_meanwhile(&mut self, last_phase: Option<u8>) {
-        self.recorded_phase = last_phase;
     }
 
     /// Returns the mean speeds of the flagella over the last second, which are unknown without encoders.

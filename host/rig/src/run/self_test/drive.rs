@@ -51,12 +51,7 @@ pub struct Board<'a> {
 impl Drive for Board<'_> {
     fn drive(&mut self, motor: usize, duty: i16, duration_ms: u16) -> Result<Driven, RecordError> {
         self.link.clear_fault()?;
-        self.link.command(Command::Stream { rate_hz: TICK_HZ })?;
-        let driven = self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS));
-        // After any failure, turn the motors off, and keep the stream from filling memory while the user reads.
-        self.link.command(Command::Stop)?;
-        stream::end(self.link)?;
-        driven
+        stream::with_motors(self.link, || self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS)))
     }
 }
 
