@@ -12,7 +12,7 @@
 
 use crate::bridge::{Bridge, Drive};
 use crate::clock::ProgramClock;
-use crate::coupling::{Cable, Coupling};
+use crate::coupling::Coupling;
 use crate::drift::{Supply, Wander};
 use crate::encoder::{Disturbance, Encoder};
 use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
@@ -20,10 +20,8 @@ use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
 use crate::marks::{Marks, TICK_BEGIN};
-use crate::mcu::{
-    BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
-};
-use crate::motor::{Motor, Rotor, STEP_S};
+use crate::mcu::{BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState};
+use crate::motor::{Motor, STEP_S};
 use crate::plant::Plant;
 use crate::resonator::Resonator;
 use crate::rig::RigKind;
@@ -49,7 +47,8 @@ impl Default for BoardOptions {
 
 /// The board.
 pub struct Board {
-    mcu: Mcu<Rig>,
+    /// The chip.
+    pub mcu: Mcu<Rig>,
     start: u32,
     /// `None` behind a bootloader, which may put any program there.
     pub static_bytes: Option<u16>,
@@ -62,7 +61,7 @@ pub struct Board {
 
 impl Board {
     /// Returns a board with `image` in its flash that has just got power.
-    pub fn new(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
+    pub fn new(image: &Image, options: BoardOptions) -> Result<Self, &'static str> {
         let mut board = Self::with_start(image, 0, options)?;
         board.static_bytes = Some(image.static_bytes);
         Ok(board)
@@ -70,7 +69,7 @@ impl Board {
 
     /// Returns the same with a bootloader as its image: every reset starts at the image's lowest address, and the rest
     /// of flash is blank.
-    pub fn with_bootloader(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
+    pub fn with_bootloader(image: &Image, options: BoardOptions) -> Result<Self, &'static str> {
         Self::with_start(image, image.start(), options)
     }
 
@@ -78,7 +77,7 @@ impl Board {
     ///
     /// # Panics
     /// If the program reaches into the bootloader.
-    pub fn behind_bootloader(loader: &Image, program: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
+    pub fn behind_bootloader(loader: &Image, program: &Image, options: BoardOptions) -> Result<Self, &'static str> {
         assert!(program.end() <= loader.start(), "a program that reaches into the bootloader");
         let mut both = loader.clone();
         both.segments.extend_from_slice(&program.segments);
@@ -87,7 +86,7 @@ impl Board {
         Ok(board)
     }
 
-    fn with_start(image: &Image, start: u32, options: BoardOptions) -> Result<Self, UnknownChip> {
+    fn with_start(image: &Image, start: u32, options: BoardOptions) -> Result<Self, &'static str> {
         let kind = options.rig;
         let mut rig = Rig {
             kind,
@@ -214,22 +213,12 @@ impl Board {
         10.0 * self.rig().resonator.hz() / f64::from(self.mcu.serial_byte_cycles())
     }
 
-    /// Returns the number of bytes from the host that the program read too late.
-    pub fn serial_overruns(&self) -> u64 {
-        self.mcu.serial_overruns()
-    }
-
     /// Changes the sensor or its input.
     pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
         let result = change(&mut self.rig_mut().imu);
         // The sensor may have released SDA, or pulled it.
         self.mcu.bus_changed();
         result
-    }
-
-    /// Blocks a flagellum (0 or 1), or releases it.
-    pub fn block_motor(&mut self, motor: usize, blocked: bool) {
-        self.rig_mut().motors[motor].hold(if blocked { Rotor::Blocked } else { Rotor::Free });
     }
 
     /// Connects each of the bridge's outputs to the other's motor, or to its own.
@@ -243,16 +232,6 @@ impl Board {
     pub fn disturb_encoder(&mut self, motor: usize, channel: usize, disturbance: Disturbance) {
         let now_s = self.seconds();
         self.rig_mut().encoders[motor].disturb(channel, disturbance, now_s);
-    }
-
-    /// Lays leads of motors and encoders into one cable, or keeps them apart.
-    pub fn lay_cable(&mut self, cable: Option<Cable>) {
-        self.rig_mut().coupling.cable = cable;
-    }
-
-    /// Sends the program into an endless loop, with interrupts on or off.
-    pub fn hang(&mut self, interrupts: bool) {
-        self.mcu.hang(interrupts);
     }
 
     /// Keeps the program busy for a time, with interrupts on.
@@ -288,24 +267,9 @@ impl Board {
         self.rig_mut().imu.source.plant_mut()
     }
 
-    /// Returns the EEPROM: 1 KB, 0xFF where blank.
-    pub fn eeprom_mut(&mut self) -> &mut [u8] {
-        self.mcu.eeprom_mut()
-    }
-
     /// Returns the largest number of bytes of stack used so far; not known behind a bootloader.
     pub fn deepest_stack(&self) -> Option<u16> {
         self.static_bytes.map(|bytes| self.mcu.deepest_stack(0x100 + bytes))
-    }
-
-    /// Returns the program counter as a byte address.
-    pub fn pc(&self) -> u32 {
-        self.mcu.pc()
-    }
-
-    /// Returns a byte of the chip's data space.
-    pub fn peek(&self, address: u16) -> u8 {
-        self.mcu.peek(address)
     }
 }
 
@@ -326,7 +290,8 @@ pub struct Rig {
     motors_at_s: f64,
     /// Encoders 1 and 2.
     pub encoders: [Encoder; 2],
-    coupling: Coupling,
+    /// Leads that share a cable.
+    pub coupling: Coupling,
     /// Pull-ups on port D.
     pull_ups: u8,
     /// The chip's resonator.

@@ -1,8 +1,8 @@
 //! The bootloaders that Arduino Nanos come with, from Debian's package `arduino-core-avr`.
 
-use crate::image::{Image, ImageError};
+use crate::image::Image;
 use crate::mcu::FLASH_BYTES;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A bootloader.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -13,18 +13,6 @@ pub enum Bootloader {
     /// Before, and on many clones: ATmegaBOOT, 57600 bit/s, at 0x7800.
     #[value(help = "57600 bit/s")]
     Old,
-}
-
-/// Why a bootloader is not available.
-#[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum BootloaderError {
-    /// Not installed.
-    #[error("no {name} in {folder}; install Debian's package arduino-core-avr")]
-    Missing { name: &'static str, folder: PathBuf },
-    /// Damaged.
-    #[error(transparent)]
-    Image(#[from] ImageError),
 }
 
 /// The package's folder of bootloaders.
@@ -44,20 +32,20 @@ impl Bootloader {
     }
 
     /// Reads the bootloader's file.
-    pub fn load(self) -> Result<Image, BootloaderError> {
+    pub fn load(self) -> Result<Image, String> {
         self.load_from(Path::new(FOLDER))
     }
 
-    fn load_from(self, folder: &Path) -> Result<Image, BootloaderError> {
+    fn load_from(self, folder: &Path) -> Result<Image, String> {
         let name = match self {
             Self::Optiboot => "optiboot/optiboot_atmega328.hex",
             Self::Old => "atmega/ATmegaBOOT_168_atmega328.hex",
         };
         let path = folder.join(name);
         if !path.exists() {
-            return Err(BootloaderError::Missing { name, folder: folder.into() });
+            return Err(format!("no {name} in {}; install Debian's package arduino-core-avr", folder.display()));
         }
-        Ok(Image::from_hex(&path, ROOM)?)
+        Image::from_hex(&path, ROOM)
     }
 }
 

@@ -25,6 +25,7 @@
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::fault::Timed;
+use crate::image;
 use crate::imu::hand::{Grip, Hand, Span, parse_axis};
 use crate::imu::sensor::Sensor;
 use crate::imu::sensor_file;
@@ -96,18 +97,10 @@ fn length_s(word: &str) -> Result<f64, String> {
     within("SECONDS", word, 0.1, 3600.0)
 }
 
-/// Parses bytes in hexadecimal.
-fn bytes(hex: &str) -> Result<Vec<u8>, String> {
-    let digits = hex.as_bytes();
-    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
-    let parsed: Option<Vec<u8>> = digits.chunks(2).map(byte).collect();
-    parsed.filter(|_| digits.len().is_multiple_of(2)).ok_or_else(|| format!("{hex:?} is not hexadecimal"))
-}
-
 /// Lets time pass for the board. Returns the reply to `exchange`: the bytes that the board sent.
 fn exchange(board: &mut Board, time_us: &str, hex: &str) -> Result<Value, String> {
-    let (time_us, bytes) = (within("US", time_us, 1.0, 1e6)? as u64, bytes(hex)?);
-    board.send(&bytes);
+    let time_us = within("US", time_us, 1.0, 1e6)? as u64;
+    board.send(&image::hex(hex).ok_or_else(|| format!("{hex:?} is not hexadecimal"))?);
     let end = board.cycle() + time_us * (FREQUENCY_HZ / 1_000_000);
     if board.run_until(end) != RunState::Running {
         return Err("the chip has crashed".into());
@@ -192,7 +185,7 @@ fn status(board: &Board, port: &PortCount) -> Value {
         "bytes_unheard": port.unheard,
         "bytes_lost": port.lost,
         "bytes_received": line.bytes_received,
-        "bytes_overrun": board.serial_overruns(),
+        "bytes_overrun": board.mcu.serial_overruns(),
         "ticks": tick.count,
         "mean_tick_cycles": tick.mean(),
         "worst_tick_cycles": tick.worst,

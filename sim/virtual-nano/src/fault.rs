@@ -12,7 +12,7 @@
 use crate::board::Board;
 use crate::coupling::Cable;
 use crate::encoder::Disturbance;
-use crate::imu::fault::{At, Fault as ImuFault};
+use crate::imu::fault::{At, Data, Fault as ImuFault};
 use crate::mcu::FREQUENCY_HZ;
 use crate::motor::Rotor;
 use crate::push::Axis;
@@ -114,11 +114,11 @@ const OF_ENCODERS: &[Kind] = &[
         "each edge of a motor's PWM inverts the encoder lines in its cable for MICROSECONDS; CABLES 2: each motor \
                   has one with its encoder, 1: all share one; CHANNEL 0: both lines of an encoder",
         |board, [us, cables, channel]| {
-            board.lay_cable(Some(Cable {
+            board.rig_mut().coupling.cable = Some(Cable {
                 width: (us * 1e-6 * FREQUENCY_HZ as f64) as u64,
                 shared: cables == 1.0,
                 channels: [channel != 2.0, channel != 1.0],
-            }));
+            });
         },
     ),
     Kind(
@@ -179,11 +179,11 @@ const OTHERS: &[Kind] = &[
             spoil(board, ImuFault::Stuck { at: At::now(), clocks });
         },
     ),
-    Kind("frozen", &[], "the sensor's data do not change", |board, _| spoil(board, ImuFault::Frozen)),
+    Kind("frozen", &[], "the sensor's data do not change", |board, _| spoil(board, ImuFault::Data(Data::Frozen))),
     Kind("repeats", &[], "the sensor's data do not change, though it says that they are new", |board, _| {
-        spoil(board, ImuFault::Repeats);
+        spoil(board, ImuFault::Data(Data::Repeated));
     }),
-    Kind("gyro-zero", &[], "the gyroscope reads zero", |board, _| spoil(board, ImuFault::GyroZero)),
+    Kind("gyro-zero", &[], "the gyroscope reads zero", |board, _| spoil(board, ImuFault::Data(Data::GyroZero))),
     Kind("glitch", &[], "the sensor loses its supply for a moment", |board, _| spoil(board, ImuFault::Glitch)),
     Kind(
         "register",
@@ -249,7 +249,7 @@ const OTHERS: &[Kind] = &[
         "hang",
         &[("INTERRUPTS", 1.0, [0.0, 1.0])],
         "the firmware enters an endless loop, with interrupts on (1) or off (0)",
-        |board, [interrupts, ..]| board.hang(interrupts == 1.0),
+        |board, [interrupts, ..]| board.mcu.hang(interrupts == 1.0),
     ),
     Kind(
         "busy",

@@ -3,7 +3,7 @@
 use object::elf::{EM_AVR, FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 use object::{Endianness, Object, ObjectSection};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::mcu::FLASH_BYTES;
 
@@ -14,30 +14,6 @@ pub struct Image {
     pub segments: Vec<(u32, Vec<u8>)>,
     /// Bytes of SRAM that static data take.
     pub static_bytes: u16,
-}
-
-/// Why a file is not a program for the board.
-#[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum ImageError {
-    /// Not readable.
-    #[error("cannot read {path}: {source}")]
-    Unreadable { path: PathBuf, source: std::io::Error },
-    /// Damaged, or something else.
-    #[error("{path} is not an ELF file: {reason}")]
-    NotElf { path: PathBuf, reason: object::Error },
-    /// A program for another machine.
-    #[error("{path} is not for the AVR (ELF machine {machine}); build it with `sh firmware/build.sh`")]
-    NotAvr { path: PathBuf, machine: u16 },
-    /// Nothing in it, or more than the chip has.
-    #[error("{path} does not fit: it needs flash up to {address:#x}")]
-    DoesNotFit { path: PathBuf, address: u64 },
-    /// No program.
-    #[error("{path} holds no program")]
-    Empty { path: PathBuf },
-    /// A line that is not Intel HEX.
-    #[error("{path}, line {line}: not Intel HEX")]
-    NotHex { path: PathBuf, line: usize },
 }
 
 impl Image {
@@ -57,14 +33,17 @@ impl Image {
     }
 
     /// Reads an ELF file of avr-gcc's linker.
-    pub fn from_elf(path: &Path) -> Result<Self, ImageError> {
+    pub fn from_elf(path: &Path) -> Result<Self, String> {
         let bytes = read(path)?;
-        let not_elf = |reason| ImageError::NotElf { path: path.into(), reason };
+        let not_elf = |reason: object::Error| format!("{} is not an ELF file: {reason}", path.display());
         let header = FileHeader32::<Endianness>::parse(&*bytes).map_err(not_elf)?;
         let endian = header.endian().map_err(not_elf)?;
         let machine = header.e_machine(endian);
         if machine != EM_AVR {
-            return Err(ImageError::NotAvr { path: path.into(), machine });
+            return Err(format!(
+                "{} is not for the AVR (ELF machine {machine}); build it with `sh firmware/build.sh`",
+                path.display()
+            ));
         }
         let mut image = Self::default();
         for segment in header.program_headers(endian, &*bytes).map_err(not_elf)? {
@@ -86,13 +65,13 @@ impl Image {
     }
 
     /// Reads an Intel HEX file of a chip with `room` bytes of flash.
-    pub fn from_hex(path: &Path, room: u32) -> Result<Self, ImageError> {
+    pub fn from_hex(path: &Path, room: u32) -> Result<Self, String> {
         let bytes = read(path)?;
         let text = String::from_utf8_lossy(&bytes);
         let mut image = Self::default();
         for (index, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
             let record = parse_hex(line.trim());
-            match record.ok_or_else(|| ImageError::NotHex { path: path.into(), line: index + 1 })? {
+            match record.ok_or_else(|| format!("{}, line {}: not Intel HEX", path.display(), index + 1))? {
                 (0, address, bytes) => image.push(address.into(), &bytes, room, path)?,
                 (1, ..) => break,
                 // Extended addresses of files for larger chips, start addresses: nothing to load.
@@ -102,30 +81,34 @@ impl Image {
         image.checked(path)
     }
 
-    fn push(&mut self, address: u32, bytes: &[u8], room: u32, path: &Path) -> Result<(), ImageError> {
+    fn push(&mut self, address: u32, bytes: &[u8], room: u32, path: &Path) -> Result<(), String> {
         let end = u64::from(address) + bytes.len() as u64;
         if end > u64::from(room) {
-            return Err(ImageError::DoesNotFit { path: path.into(), address: end });
+            return Err(format!("{} does not fit: it needs flash up to {end:#x}", path.display()));
         }
         self.segments.push((address, bytes.to_vec()));
         Ok(())
     }
 
-    fn checked(self, path: &Path) -> Result<Self, ImageError> {
-        if self.segments.is_empty() { Err(ImageError::Empty { path: path.into() }) } else { Ok(self) }
+    fn checked(self, path: &Path) -> Result<Self, String> {
+        if self.segments.is_empty() { Err(format!("{} holds no program", path.display())) } else { Ok(self) }
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
-    std::fs::read(path).map_err(|source| ImageError::Unreadable { path: path.into(), source })
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
+}
+
+/// Parses bytes in hexadecimal.
+pub(crate) fn hex(digits: &str) -> Option<Vec<u8>> {
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    digits.as_bytes().chunks(2).map(byte).collect::<Option<_>>().filter(|_| digits.len().is_multiple_of(2))
 }
 
 /// Parses one line: `:` count, address, kind, bytes, and a checksum that makes the sum of all bytes zero. Returns kind,
 /// address and bytes.
 fn parse_hex(line: &str) -> Option<(u8, u16, Vec<u8>)> {
-    let digits = line.strip_prefix(':')?.as_bytes();
-    let pairs = digits.chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok());
-    let bytes: Vec<u8> = pairs.collect::<Option<_>>()?;
+    let bytes = hex(line.strip_prefix(':')?)?;
     let [count, high, low, kind, data @ .., _sum] = &bytes[..] else { return None };
     if data.len() != usize::from(*count) || bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) != 0 {
         return None;

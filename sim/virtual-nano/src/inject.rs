@@ -26,7 +26,7 @@ impl Board {
         }
         self.rig_mut().supply.forced_v = None;
         self.swap_motors(false);
-        self.lay_cable(None);
+        self.rig_mut().coupling.cable = None;
         self.change_imu(|imu| {
             imu.clear_faults();
             let error = imu.source.part.errors.sample_clock_error;

@@ -134,7 +134,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let image = Image::from_elf(path)?;
             let mut board = Board::new(&image, options)?;
             if arguments.rig != RIGS[0] && !arguments.eeprom.as_ref().is_some_and(|path| path.exists()) {
-                board.eeprom_mut().copy_from_slice(&arguments.rig.eeprom(&image)?);
+                board.mcu.eeprom_mut().copy_from_slice(&arguments.rig.eeprom(&image)?);
             }
             board
         }
@@ -166,7 +166,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     out.flush()?;
     runner.run(&commands, &mut out)?;
     if let Some(path) = &arguments.eeprom {
-        std::fs::write(path, runner.board.eeprom_mut()).map_err(|error| format!("{}: {error}", path.display()))?;
+        std::fs::write(path, runner.board.mcu.eeprom_mut()).map_err(|error| format!("{}: {error}", path.display()))?;
     }
     Ok(())
 }
@@ -186,7 +186,7 @@ fn read_robot(path: &Path) -> Result<Plant, String> {
 
 /// Loads the EEPROM from a file, if it exists.
 fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
-    let eeprom = board.eeprom_mut();
+    let eeprom = board.mcu.eeprom_mut();
     match std::fs::read(path) {
         Ok(bytes) if bytes.len() == eeprom.len() => eeprom.copy_from_slice(&bytes),
         Ok(bytes) => return Err(format!("{}: {} bytes instead of {}", path.display(), bytes.len(), eeprom.len())),

@@ -92,11 +92,6 @@ pub enum ResetCause {
     Pin,
 }
 
-/// simavr does not know the ATmega328P: it was built without it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("this simavr has no ATmega328P; install libsimavr-dev 1.6 or later")]
-pub struct UnknownChip;
-
 /// The chip's pins, and the timers behind some of them.
 pub struct Pins {
     raw: *mut Raw,
@@ -130,7 +125,7 @@ unsafe impl<D: Devices + Send> Send for Mcu<D> {}
 
 impl<D: Devices> Mcu<D> {
     /// Returns a chip with this much blank flash. Load it and [`reset`](Self::reset) it before running it.
-    pub fn new(devices: D, flash_bytes: u32) -> Result<Self, UnknownChip> {
+    pub fn new(devices: D, flash_bytes: u32) -> Result<Self, &'static str> {
         let devices = Box::into_raw(Box::new(devices));
         let table = Table {
             context: devices.cast(),
@@ -151,7 +146,7 @@ impl<D: Devices> Mcu<D> {
         if raw.is_null() {
             // SAFETY: made above, and nobody else has it.
             drop(unsafe { Box::from_raw(devices) });
-            return Err(UnknownChip);
+            return Err("this simavr has no ATmega328P; install libsimavr-dev 1.6 or later");
         }
         Ok(Self { raw, devices })
     }
@@ -176,7 +171,7 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_flash(self.raw, address, bytes.as_ptr(), length) != 0 }
     }
 
-    /// Returns the EEPROM.
+    /// Returns the EEPROM: 1 KB, 0xFF where blank.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         let mut length = 0;
         // SAFETY: simavr allocates the EEPROM with the chip and frees it with it.

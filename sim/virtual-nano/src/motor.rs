@@ -56,12 +56,6 @@ impl MotorParameters {
     };
 }
 
-impl Default for MotorParameters {
-    fn default() -> Self {
-        Self::PUBLISHED
-    }
-}
-
 /// Electrical time constant, s. Own choice: 0.6 mH at the 4 ohms of a motor that takes 1.5 A from 6 V when blocked.
 const ELECTRICAL_S: f64 = 0.15e-3;
 
@@ -250,7 +244,7 @@ mod tests {
 
     #[test]
     fn it_reaches_63_percent_after_one_time_constant() {
-        let mut motor = Motor::new(MotorParameters::default());
+        let mut motor = Motor::new(MotorParameters::PUBLISHED);
         motor.drive = Drive::Voltage(1.0);
         run(&mut motor, 0.080);
         assert!((motor.speed_rpm / 130.0 - (1.0 - (-1.0f64).exp())).abs() < 1e-3);
@@ -263,7 +257,7 @@ mod tests {
 
     #[test]
     fn low_voltage_and_a_block_keep_it_still() {
-        let mut motor = Motor::new(MotorParameters::default());
+        let mut motor = Motor::new(MotorParameters::PUBLISHED);
         motor.drive = Drive::Voltage(0.05);
         run(&mut motor, 1.0);
         assert_eq!(motor.speed_rpm, 0.0);
@@ -277,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_held_rotor_slips_by_an_edge_of_each_channel_a_second() {
-        let mut motor = Motor::new(MotorParameters::default());
+        let mut motor = Motor::new(MotorParameters::PUBLISHED);
         motor.drive = Drive::Voltage(-1.0);
         motor.hold(Rotor::Slips);
         run(&mut motor, 3.2);
@@ -286,7 +280,7 @@ mod tests {
 
     #[test]
     fn a_gear_that_sticks_needs_more_to_start_than_to_go_on() {
-        let mut motor = Motor::new(MotorParameters { breakaway: 0.25, ..MotorParameters::default() });
+        let mut motor = Motor::new(MotorParameters { breakaway: 0.25, ..MotorParameters::PUBLISHED });
         let mut speed_at = |fraction: f64| {
             motor.drive = Drive::Voltage(fraction);
             run(&mut motor, 1.0);
@@ -298,7 +292,7 @@ mod tests {
     /// At a low share of the time the speed is above the straight line of a motor that is braked between the pulses.
     #[test]
     fn pulses_with_pauses_bend_the_line_of_speeds() {
-        let mut motor = Motor::new(MotorParameters::default());
+        let mut motor = Motor::new(MotorParameters::PUBLISHED);
         let mut speed_at = |drive| {
             motor.drive = drive;
             // Short pulses hardly lose force as the motor gets faster, which then takes long.
@@ -329,7 +323,7 @@ mod tests {
 
     #[test]
     fn its_speed_follows_its_supply() {
-        let mut motor = Motor::new(MotorParameters { dead_zone: 0.0, breakaway: 0.0, ..MotorParameters::default() });
+        let mut motor = Motor::new(MotorParameters { dead_zone: 0.0, breakaway: 0.0, ..MotorParameters::PUBLISHED });
         motor.drive = Drive::Voltage(0.6);
         motor.set_supply(6.5, 1.5);
         run(&mut motor, 2.0);
@@ -338,7 +332,7 @@ mod tests {
 
     #[test]
     fn without_supply_it_coasts_and_with_its_leads_swapped_it_turns_back() {
-        let mut motor = Motor::new(MotorParameters::default());
+        let mut motor = Motor::new(MotorParameters::PUBLISHED);
         motor.drive = Drive::Voltage(1.0);
         motor.reversed = true;
         run(&mut motor, 2.0);

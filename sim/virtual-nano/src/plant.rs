@@ -267,7 +267,7 @@ mod tests {
         let mut robot = Robot::published();
         robot.flagellum.phase_deg = [30.0, -70.0];
         let mut plant = Plant::new(&robot, 20.0).unwrap();
-        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
+        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::PUBLISHED));
         let error = |plant: &Plant, motors: &[Motor; 2], time_s: f64| {
             let modelled = plant.motors(time_s);
             (0..2).map(|k| (modelled[k].angle - motors[k].angle_rad()).abs().to_degrees()).fold(0.0, f64::max)
@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn the_sensor_feels_gravity_and_its_own_turning() {
         let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
-        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
+        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::PUBLISHED));
         let at_rest = plant.movement(0.0);
         assert!(at_rest.rate_dps.iter().all(|rate| rate.abs() < 1e-3), "{at_rest:?}");
         assert!((Vector3::from(at_rest.specific_force_g) - Vector3::z()).norm() < 1e-3, "{at_rest:?}");
@@ -328,7 +328,7 @@ mod tests {
     fn a_push_turns_the_robot_and_the_sensor_feels_it() {
         for (axis, angle_deg) in [(Axis::X, 20.0_f64), (Axis::Y, -20.0), (Axis::Vertical, 170.0)] {
             let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
-            let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
+            let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::PUBLISHED));
             motors[0].drive = Drive::Voltage(0.5);
             motors[1].drive = Drive::Voltage(-0.2);
             run(&mut plant, &mut motors, 0.0, 2.0, |_, _, _| {});
@@ -368,7 +368,7 @@ mod tests {
         robot.solver.sweeps = 2;
         assert!(Plant::new(&robot, 20.0).is_err_and(|error| error.contains("no step from -150.0")));
         let mut plant = Plant::new(&soft, 20.0).unwrap();
-        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
+        let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::PUBLISHED));
         motors[0].drive = Drive::Voltage(0.7);
         motors[1].drive = Drive::Voltage(-0.7);
         run(&mut plant, &mut motors, 0.0, 8.0, |_, _, _| {});

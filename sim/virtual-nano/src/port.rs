@@ -28,15 +28,6 @@ pub struct Port {
     open: bool,
 }
 
-/// A change of the port by the host.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum PortEvent {
-    /// Opened it.
-    Opened,
-    /// Closed it.
-    Closed,
-}
-
 /// Bytes from the board that no host got.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortCount {
@@ -73,16 +64,11 @@ impl Port {
         self.open
     }
 
-    /// Checks whether the host has opened or closed it.
-    pub fn event(&mut self) -> io::Result<Option<PortEvent>> {
+    /// Returns whether the host has opened it since the last call.
+    pub fn was_opened(&mut self) -> io::Result<bool> {
+        // The kernel reports a hang-up while nobody has the other side open.
         let open = !self.ready(PollFlags::empty(), Duration::ZERO)?.contains(PollFlags::HUP);
-        let event = match (self.open, open) {
-            (false, true) => Some(PortEvent::Opened),
-            (true, false) => Some(PortEvent::Closed),
-            _ => None,
-        };
-        self.open = open;
-        Ok(event)
+        Ok(!std::mem::replace(&mut self.open, open) && open)
     }
 
     /// Returns the speed that the host has set, bit/s.
@@ -142,9 +128,10 @@ mod tests {
     #[test]
     fn bytes_pass_unchanged_and_opening_shows() {
         let mut port = Port::new().unwrap();
-        assert_eq!(port.event().unwrap(), None);
+        assert!(!port.was_opened().unwrap());
         let mut host = OpenOptions::new().read(true).write(true).open(port.path()).unwrap();
-        assert_eq!(port.event().unwrap(), Some(PortEvent::Opened));
+        assert!(port.was_opened().unwrap() && port.is_open());
+        assert!(!port.was_opened().unwrap(), "it was open before");
         let every: Vec<u8> = (0..=255).collect();
         host.write_all(&every).unwrap();
         assert_eq!(port.read().unwrap(), every);
@@ -154,7 +141,7 @@ mod tests {
         assert_eq!(back, every);
         assert_eq!(port.baud().unwrap(), BAUD);
         drop(host);
-        assert_eq!(port.event().unwrap(), Some(PortEvent::Closed));
+        assert!(!port.was_opened().unwrap() && !port.is_open());
         assert!(port.read().unwrap().is_empty());
     }
 }

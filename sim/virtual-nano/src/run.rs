@@ -5,7 +5,7 @@ use crate::board::Board;
 use crate::control;
 use crate::mcu::RunState;
 use crate::pace::Pace;
-use crate::port::{DRIVER_BUFFER, Port, PortCount, PortEvent};
+use crate::port::{DRIVER_BUFFER, Port, PortCount};
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Duration;
@@ -84,8 +84,7 @@ impl Runner {
 
     /// Passes bytes between board and port.
     fn exchange(&mut self) -> io::Result<()> {
-        let event = self.port.event()?;
-        if event == Some(PortEvent::Opened) && self.reset_on_open {
+        if self.port.was_opened()? && self.reset_on_open {
             self.board.reset();
         }
         let from_board = self.board.take_serial();

@@ -57,7 +57,7 @@ impl Serial {
     pub fn new(seed: u64) -> Self {
         Self {
             to_chip: VecDeque::new(),
-            usb: Usb::immediate(),
+            usb: Usb::default(),
             to_drop: 0,
             to_corrupt: 0,
             lost: 0.0,

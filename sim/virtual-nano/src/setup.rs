@@ -11,9 +11,8 @@ use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::{Bridge, Command, Message, Reply, Request, Settings, SpeedFrom};
 
 /// Why a board could not be set up.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("the program does not take the settings of this rig; is it the firmware of this version? Try --rig encoders")]
-pub struct NotSetUp;
+const REFUSED: &str =
+    "the program does not take the settings of this rig; is it the firmware of this version? Try --rig encoders";
 
 /// Longest wait for a reply, ms: saving takes 3.4 ms a byte.
 const WAIT_MS: u64 = 1000;
@@ -32,15 +31,14 @@ impl RigKind {
     ///
     /// # Errors
     /// A program that does not take the settings.
-    pub fn eeprom(&self, image: &Image) -> Result<Vec<u8>, NotSetUp> {
-        let mut board =
-            Board::new(image, BoardOptions { rig: *self, ..BoardOptions::default() }).map_err(|_| NotSetUp)?;
+    pub fn eeprom(&self, image: &Image) -> Result<Vec<u8>, &'static str> {
+        let mut board = Board::new(image, BoardOptions { rig: *self, ..BoardOptions::default() })?;
         // The program may still be starting.
-        (1..4).find_map(|seq| ask(&mut board, seq, Command::Ping)).ok_or(NotSetUp)?;
+        (1..4).find_map(|seq| ask(&mut board, seq, Command::Ping)).ok_or(REFUSED)?;
         for (seq, command) in [(4, Command::WriteSettings(self.settings())), (5, Command::SaveSettings)] {
-            ask(&mut board, seq, command).filter(|reply| *reply == Reply::Done).ok_or(NotSetUp)?;
+            ask(&mut board, seq, command).filter(|reply| *reply == Reply::Done).ok_or(REFUSED)?;
         }
-        Ok(board.eeprom_mut().to_vec())
+        Ok(board.mcu.eeprom_mut().to_vec())
     }
 }
 

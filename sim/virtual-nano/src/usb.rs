@@ -1,7 +1,7 @@
 //! The USB bridge between the USART and the host: it collects bytes in packets.
 
 /// A bridge. It sends a packet when it is full, or when its latency timer, started by the last packet, runs out.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Usb {
     /// Bytes in a full packet; with 0, every byte is passed on at once.
     packet: usize,
@@ -11,11 +11,6 @@ pub struct Usb {
 }
 
 impl Usb {
-    /// Returns a bridge that passes every byte on at once.
-    pub fn immediate() -> Self {
-        Self { packet: 0, latency_s: 0.0, waiting: Vec::new(), sent_s: 0.0 }
-    }
-
     /// Collects bytes in packets of this size, and for this time (s) at most.
     pub fn set_packets(&mut self, packet: usize, latency_s: f64) {
         (self.packet, self.latency_s) = (packet, latency_s);
@@ -46,7 +41,7 @@ mod tests {
 
     #[test]
     fn bytes_wait_for_a_full_packet_or_the_timer() {
-        let mut usb = Usb::immediate();
+        let mut usb = Usb::default();
         usb.push(1);
         assert_eq!(usb.take(0.0), [1]);
         usb.set_packets(32, 0.016);

@@ -43,7 +43,7 @@ fn damaged_settings_give_the_defaults() {
     // In the slot of the first save.
     for damage in [320, 325, 350] {
         let (mut host, _) = saved();
-        host.board.eeprom_mut()[damage] ^= 0x04;
+        host.board.mcu.eeprom_mut()[damage] ^= 0x04;
         host.reset();
         assert!(!host.hello().settings_stored);
         assert_eq!(settings(&mut host), Settings::DEFAULT, "byte {damage} damaged");

@@ -46,7 +46,7 @@ fn the_image_fits_with_room_to_spare() {
     assert!(tick.count > 500);
     let told = u64::from(host.hello().ram_left);
     assert_eq!(told, 2048 - ram, "the program knows how far its stack has come");
-    assert_eq!(host.board.serial_overruns(), 0, "the program read bytes too late");
+    assert_eq!(host.board.mcu.serial_overruns(), 0, "the program read bytes too late");
     assert_eq!(host.last().missed_ticks.0, 0);
 }
 
@@ -90,7 +90,7 @@ impl Load {
         host.run_linked_ms(500);
         self.noise.iter().for_each(|fault| host.inject(fault));
         host.board.rig_mut().marks.clear();
-        let late = host.board.serial_overruns();
+        let late = host.board.mcu.serial_overruns();
         let mut requests = self.requests.iter().cycle();
         let (mut sent, mut owed) = (0, 0.0);
         let answered = host.replies();
@@ -106,7 +106,7 @@ impl Load {
         }
         host.run_ms(10);
         let answered = host.replies() - answered;
-        assert_eq!(host.board.serial_overruns(), late, "{}: the program read bytes too late", self.name);
+        assert_eq!(host.board.mcu.serial_overruns(), late, "{}: the program read bytes too late", self.name);
         (host, sent, answered)
     }
 }

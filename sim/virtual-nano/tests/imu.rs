@@ -6,7 +6,7 @@ use protocol::units::{AccelRange, SensorCounts};
 use protocol::{Command, Fault, Settings, Telemetry};
 use std::path::Path;
 use virtual_nano::BoardOptions;
-use virtual_nano::imu::fault::{At, Fault as ImuFault};
+use virtual_nano::imu::fault::{At, Data, Fault as ImuFault};
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::{Source, Turntable};
 
@@ -156,7 +156,7 @@ fn frozen_data_stop_the_motors() {
     let mut host = Host::ready(BoardOptions::default());
     host.set_speeds([40.0, -40.0]);
     host.run_linked_ms(300);
-    host.board.change_imu(|imu| imu.inject(ImuFault::Frozen));
+    host.board.change_imu(|imu| imu.inject(ImuFault::Data(Data::Frozen)));
     host.run_linked_ms(400);
     assert_eq!((host.fault(), host.board.rig().bridge.pwm), (Fault::ImuFrozen, [0, 0]));
     host.board.change_imu(|imu| imu.clear_faults());
@@ -241,15 +241,15 @@ fn bus_errors_in_a_row_halve_the_speed_until_the_next_start() {
     for (errors, twbr) in [(1, KHZ_400), (2, KHZ_400), (3, KHZ_400), (4, KHZ_200), (5, KHZ_200)] {
         host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: Some(3) }));
         next_frame(&mut host);
-        assert_eq!((host.last().imu_errors.0, host.board.peek(TWBR)), (errors, twbr));
+        assert_eq!((host.last().imu_errors.0, host.board.mcu.peek(TWBR)), (errors, twbr));
     }
     host.telemetry.clear();
     host.run_ms(1000);
     assert!(host.telemetry[1..].iter().all(|(_, telemetry)| telemetry.imu_fresh));
-    assert_eq!((host.last().imu_errors.0, host.fault(), host.board.peek(TWBR)), (5, Fault::None, KHZ_200));
+    assert_eq!((host.last().imu_errors.0, host.fault(), host.board.mcu.peek(TWBR)), (5, Fault::None, KHZ_200));
     host.reset();
     host.hello();
-    assert_eq!(host.board.peek(TWBR), KHZ_400);
+    assert_eq!(host.board.mcu.peek(TWBR), KHZ_400);
 }
 
 /// A lower speed frees no line that is held.
@@ -258,5 +258,5 @@ fn a_stuck_bus_keeps_its_speed() {
     let mut host = Host::ready(BoardOptions::default());
     host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: None }));
     host.run_ms(500);
-    assert_eq!((host.fault(), host.board.peek(0xB8)), (Fault::ImuBusStuck, 12));
+    assert_eq!((host.fault(), host.board.mcu.peek(0xB8)), (Fault::ImuBusStuck, 12));
 }

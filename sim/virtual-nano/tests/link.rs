@@ -215,7 +215,7 @@ fn any_bytes_with_any_timing_carry_out_only_what_has_just_come_whole() {
     }
     println!("{rounds} rounds: {requests} requests came whole, {answers} were answered, {orders} changed the speeds");
     assert!(answers > requests / 3 && answers < requests && orders > rounds / 8, "{requests} {answers} {orders}");
-    assert_eq!(host.board.serial_overruns(), 0);
+    assert_eq!(host.board.mcu.serial_overruns(), 0);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::common::Host;
 use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
+use virtual_nano::motor::Rotor;
 
 #[test]
 fn speeds_settle_at_their_targets_either_way_round() {
@@ -50,7 +51,7 @@ fn a_blocked_motor_is_a_fault_of_that_motor() {
         host.set_speeds([50.0, 50.0]);
         host.run_linked_ms(1500);
         assert_eq!(host.fault(), Fault::None);
-        host.board.block_motor(motor, true);
+        host.board.rig_mut().motors[motor].hold(Rotor::Blocked);
         let blocked = host.board.cycle();
         while host.fault() == Fault::None {
             host.run_linked_ms(50);
@@ -63,7 +64,7 @@ fn a_blocked_motor_is_a_fault_of_that_motor() {
         );
         assert_eq!(host.fault(), fault);
         assert_eq!(host.board.rig().bridge.pwm, [0, 0]);
-        host.board.block_motor(motor, false);
+        host.board.rig_mut().motors[motor].hold(Rotor::Free);
         host.order(Command::ClearFault);
         host.set_speeds([50.0, 50.0]);
         host.run_linked_ms(1500);

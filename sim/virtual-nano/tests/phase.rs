@@ -4,7 +4,7 @@ use crate::common::{Host, MS};
 use protocol::units::{CentiRpm, EncoderCounts};
 use protocol::{Command, Fault, State};
 use virtual_nano::BoardOptions;
-use virtual_nano::motor::{COUNTS_PER_TURN, MotorParameters};
+use virtual_nano::motor::{COUNTS_PER_TURN, MotorParameters, Rotor};
 
 /// Of the published motor on 6 V.
 const NO_LOAD_RPM: f64 = 130.0;
@@ -48,7 +48,7 @@ impl Rig {
             let no_load_rpm = NO_LOAD_RPM * self.supply_v / 6.0 * load;
             let breakaway = 1.5 * dead_zone;
             motor.parameters =
-                MotorParameters { no_load_rpm, dead_zone, breakaway, time_constant_s, ..MotorParameters::default() };
+                MotorParameters { no_load_rpm, dead_zone, breakaway, time_constant_s, ..MotorParameters::PUBLISHED };
         }
         if self.uneven_poles {
             host.inject("uneven-poles=20,1");
@@ -147,9 +147,9 @@ fn a_motor_that_was_held_does_not_run_away_to_catch_up() {
         let mut host = Host::ready(BoardOptions::default());
         host.set_speeds([rpm, rpm]);
         host.run_linked_ms(3000);
-        host.board.block_motor(0, true);
+        host.board.rig_mut().motors[0].hold(Rotor::Blocked);
         host.run_linked_ms(held_ms);
-        host.board.block_motor(0, false);
+        host.board.rig_mut().motors[0].hold(Rotor::Free);
         let (mut fastest, mut gained_deg, mut most_deg): (f64, f64, f64) = (0.0, 0.0, 0.0);
         for _ in 0..4000 {
             host.run_linked_ms(1);

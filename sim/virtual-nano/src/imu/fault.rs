@@ -37,12 +37,8 @@ pub enum Fault {
     Gone(At),
     /// SDA is held low from that byte on.
     Stuck { at: At, clocks: Option<u8> },
-    /// The data registers keep their values.
-    Frozen,
-    /// The same, but DATA_RDY reports each sample as new.
-    Repeats,
-    /// The gyroscope reads zero.
-    GyroZero,
+    /// The data registers no longer follow the motion as they should.
+    Data(Data),
     /// Power fails for a moment: all registers have their reset values, and the part sleeps.
     Glitch,
     /// The same in the middle of a transaction.
@@ -55,11 +51,11 @@ pub enum Data {
     /// As they should.
     #[default]
     Good,
-    /// As [`Fault::Frozen`].
+    /// They keep their values.
     Frozen,
-    /// As [`Fault::Repeats`].
+    /// The same, but DATA_RDY reports each sample as new.
     Repeated,
-    /// As [`Fault::GyroZero`].
+    /// The gyroscope reads zero.
     GyroZero,
 }
 
@@ -80,13 +76,10 @@ pub struct Faults {
 impl Faults {
     /// Adds a fault.
     pub fn add(&mut self, fault: Fault) {
-        self.data = match fault {
-            Fault::Frozen => Data::Frozen,
-            Fault::Repeats => Data::Repeated,
-            Fault::GyroZero => Data::GyroZero,
-            other => return self.waiting.push(other),
-        };
-        self.struck += 1;
+        match fault {
+            Fault::Data(data) => (self.data, self.struck) = (data, self.struck + 1),
+            other => self.waiting.push(other),
+        }
     }
 
     /// Begins a transaction, with a START after a STOP.
@@ -127,32 +120,21 @@ impl Faults {
     /// sends the byte.
     pub fn strike(&mut self, transaction: u64, byte: u8, sends: bool) -> Option<BusAnswer> {
         let due = |at: &At| at.byte == byte && at.transaction.is_none_or(|number| number == transaction);
-        self.waiting.retain_mut(|fault| match fault {
-            Fault::Nack { at, count } if due(at) && !sends => {
-                self.silent = true;
-                self.struck += 1;
-                // Later ones strike the same byte of any transaction.
-                at.transaction = None;
-                *count = count.saturating_sub(1);
-                *count > 0
+        self.waiting.retain_mut(|fault| {
+            match fault {
+                Fault::Nack { at, count } if due(at) && !sends => {
+                    self.silent = true;
+                    // Later ones strike the same byte of any transaction.
+                    at.transaction = None;
+                    *count = count.saturating_sub(1);
+                }
+                Fault::Gone(at) if due(at) => self.gone = true,
+                Fault::Stuck { at, clocks } if due(at) => self.held = Some(*clocks),
+                Fault::GlitchAt(at) if due(at) => (self.glitch, self.silent) = (true, true),
+                _ => return true,
             }
-            Fault::Gone(at) if due(at) => {
-                self.gone = true;
-                self.struck += 1;
-                false
-            }
-            Fault::Stuck { at, clocks } if due(at) => {
-                self.held = Some(*clocks);
-                self.struck += 1;
-                false
-            }
-            Fault::GlitchAt(at) if due(at) => {
-                self.glitch = true;
-                self.silent = true;
-                self.struck += 1;
-                false
-            }
-            _ => true,
+            self.struck += 1;
+            matches!(fault, Fault::Nack { count: 1.., .. })
         });
         match self.held {
             Some(_) => Some(BusAnswer::Held),

@@ -374,13 +374,13 @@ mod tests {
         write(&mut part, 0x38, 0x01);
         assert_eq!(read(&mut part, 0.02, 0x3A), [1]);
         assert_eq!(read(&mut part, 0.02, 0x3A), [0]);
-        part.inject(Fault::Frozen);
+        part.inject(Fault::Data(Data::Frozen));
         assert_eq!(read(&mut part, 0.03, 0x3A), [0]);
         let data = read::<14>(&mut part, 0.04, 0x3B);
-        part.inject(Fault::Repeats);
+        part.inject(Fault::Data(Data::Repeated));
         assert_eq!(read(&mut part, 0.05, 0x3A), [1]);
         assert_eq!(read(&mut part, 0.05, 0x3B), data);
-        part.inject(Fault::GyroZero);
+        part.inject(Fault::Data(Data::GyroZero));
         assert_eq!(read(&mut part, 0.06, 0x3A), [1]);
         let changed = read::<14>(&mut part, 0.06, 0x3B);
         assert!(changed[..8] != data[..8] && changed[8..] == [0; 6], "{changed:?}");

@@ -6,7 +6,7 @@
 //! counts, degrees Celsius.
 
 use super::scale::{self, Range};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const COLUMNS: &str = "t_s,ax,ay,az,gx,gy,gz,temp_c";
 
@@ -41,36 +41,20 @@ pub struct Recording {
     gyro_at_rest: [f64; 3],
 }
 
-/// Why a file is not a recording.
-#[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum RecordingError {
-    /// Not readable.
-    #[error("cannot read {path}: {source}")]
-    Unreadable { path: PathBuf, source: std::io::Error },
-    /// A line that does not fit.
-    #[error("{path}, line {line}: {problem}")]
-    Line { path: PathBuf, line: usize, problem: String },
-    /// Too little in it.
-    #[error("{path}: {problem}")]
-    Incomplete { path: PathBuf, problem: &'static str },
-}
-
 impl Recording {
     /// Reads a file.
-    pub fn read(path: &Path) -> Result<Self, RecordingError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
         Self::parse(&text, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, RecordingError> {
-        let incomplete = |problem| RecordingError::Incomplete { path: path.into(), problem };
+    fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        let incomplete = |problem: &str| format!("{}: {problem}", path.display());
         let (mut accel_range, mut gyro_range, mut gyro_at_rest) = (None, None, None);
         let mut samples: Vec<Sample> = Vec::new();
         let mut columns_seen = false;
         for (index, line) in text.lines().map(str::trim).enumerate() {
-            let wrong = |problem: String| RecordingError::Line { path: path.into(), line: index + 1, problem };
+            let wrong = |problem: String| format!("{}, line {}: {problem}", path.display(), index + 1);
             if let Some(comment) = line.strip_prefix('#') {
                 accel_range = accel_range.or(range_in(comment, "accel full scale +-", scale::ACCEL));
                 gyro_range = gyro_range.or(range_in(comment, "gyro full scale +-", scale::GYRO));
@@ -243,7 +227,7 @@ mod tests {
 
     const HEADER: &str = "# accel full scale +-8 g (4096 LSB/g), gyro full scale +-500 deg/s\n";
 
-    fn parse(body: &str) -> Result<Recording, RecordingError> {
+    fn parse(body: &str) -> Result<Recording, String> {
         Recording::parse(&format!("{HEADER}{COLUMNS}\n{body}"), Path::new("x.csv"))
     }
 
@@ -259,14 +243,14 @@ mod tests {
 
     #[test]
     fn a_bad_line_is_named() {
-        let error = |body: &str| parse(body).unwrap_err().to_string();
+        let error = |body: &str| parse(body).unwrap_err();
         assert_eq!(error("0,1,2\n"), "x.csv, line 3: 3 columns instead of 8");
         assert_eq!(error("0,1,2,3,4,5,99999,7\n"), "x.csv, line 3: \"99999\" is not a 16-bit count");
         assert_eq!(error("0,1,2,3,4,5,6,nan\n"), "x.csv, line 3: \"nan\" is not a number");
         assert_eq!(error("1,1,2,3,4,5,6,7\n1,1,2,3,4,5,6,7\n"), "x.csv, line 4: time does not go forward");
         assert_eq!(error("1,1,2,3,4,5,6,7\n"), "x.csv: fewer than two samples");
         let no_header = Recording::parse(&format!("{COLUMNS}\n0,1,2,3,4,5,6,7\n1,1,2,3,4,5,6,7"), Path::new("x.csv"));
-        assert!(no_header.unwrap_err().to_string().contains("accel full scale"));
+        assert!(no_header.unwrap_err().contains("accel full scale"));
     }
 
     #[test]

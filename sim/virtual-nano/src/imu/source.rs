@@ -112,10 +112,8 @@ impl Source {
 
     /// Returns the hand that holds the sensor, if one does.
     pub fn hand_mut(&mut self) -> Option<&mut Hand> {
-        match &mut self.kind {
-            Kind::Hand(hand) => Some(hand),
-            _ => None,
-        }
+        let Kind::Hand(hand) = &mut self.kind else { return None };
+        Some(hand)
     }
 
     /// Returns whether a hand moves the sensor at a time, or will move it later.
@@ -125,18 +123,14 @@ impl Source {
 
     /// Returns the simulated robot that the sensor sits on, if it does.
     pub fn plant_mut(&mut self) -> Option<&mut Plant> {
-        match &mut self.kind {
-            Kind::Plant(plant) => Some(plant),
-            _ => None,
-        }
+        let Kind::Plant(plant) = &mut self.kind else { return None };
+        Some(plant)
     }
 
     /// Returns the simulated robot that the sensor sits on, if it does.
     pub fn plant_ref(&self) -> Option<&Plant> {
-        match &self.kind {
-            Kind::Plant(plant) => Some(plant),
-            _ => None,
-        }
+        let Kind::Plant(plant) = &self.kind else { return None };
+        Some(plant)
     }
 
     /// Returns the sample at this time of the board, with these settings of the part.

@@ -27,11 +27,11 @@ fn a_write_takes_its_time_and_does_what_its_mode_says() {
         [("0", 0x12, 0x34, 0x34, 3400), ("1 << EEPM0", 0x12, 0x34, 0xFF, 1800), ("1 << EEPM1", 0x1F, 0x34, 0x14, 1800)]
     {
         let mut board = board(&program(mode, byte));
-        board.eeprom_mut()[5] = before;
+        board.mcu.eeprom_mut()[5] = before;
         run_ms(&mut board, 10);
         let taken_us = out16(&board, 0) / 2;
         assert!(taken_us.abs_diff(us) < 5, "{mode}: {taken_us} us");
-        assert_eq!((out(&board, 3), board.eeprom_mut()[5]), (after, after), "{mode}");
+        assert_eq!((out(&board, 3), board.mcu.eeprom_mut()[5]), (after, after), "{mode}");
     }
 }
 
@@ -48,9 +48,9 @@ fn a_write_or_a_read_during_a_write_does_nothing() {
              for (;;);
          }",
     );
-    board.eeprom_mut()[7] = 0x77;
+    board.mcu.eeprom_mut()[7] = 0x77;
     run_ms(&mut board, 10);
-    assert_eq!(board.eeprom_mut()[5..8], [0x55, 0xFF, 0x77]);
+    assert_eq!(board.mcu.eeprom_mut()[5..8], [0x55, 0xFF, 0x77]);
     assert_eq!((out(&board, 0), out(&board, 1)), (0x99, 0x77));
 }
 
@@ -60,7 +60,7 @@ fn a_late_write_is_none() {
         "int main(void) { EEAR = 5; EEDR = 1; EECR |= 1 << EEMPE; _delay_us(1); EECR |= 1 << EEPE; OUT[0] = EECR; for (;;); }",
     );
     run_ms(&mut board, 10);
-    assert_eq!((out(&board, 0), board.eeprom_mut()[5]), (0, 0xFF));
+    assert_eq!((out(&board, 0), board.mcu.eeprom_mut()[5]), (0, 0xFF));
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn a_reset_completes_a_write_and_a_brown_out_leaves_some_of_its_bits() {
     let source = "int main(void) { if (MCUSR == 1) { EEAR = 5; EEDR = 0x55; EECR |= 1 << EEMPE; EECR |= 1 << EEPE; } for (;;); }";
     for (brown_out, ms, bytes) in [(false, 1, 0x55..=0x55), (true, 1, 0x13..=0xFE), (true, 2, 0x56..=0xFE)] {
         let mut board = board(source);
-        board.eeprom_mut()[5] = 0x12;
+        board.mcu.eeprom_mut()[5] = 0x12;
         board.run_for(ms * MS);
         if brown_out {
             board.set_supply_mv(2000)
@@ -76,7 +76,7 @@ fn a_reset_completes_a_write_and_a_brown_out_leaves_some_of_its_bits() {
             board.reset()
         }
         run_ms(&mut board, 10);
-        let byte = board.eeprom_mut()[5];
+        let byte = board.mcu.eeprom_mut()[5];
         // Erasing makes ones of what was there, writing makes zeros of what was not asked to stay.
         let from = if ms == 1 && brown_out { 0x12 } else { 0x55 };
         assert!(bytes.contains(&byte) && byte & from == from, "{byte:#04x} after {ms} ms");

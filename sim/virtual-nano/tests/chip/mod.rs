@@ -43,7 +43,7 @@ fn run_ms(board: &mut Board, ms: u64) {
 }
 
 fn out(board: &Board, index: u16) -> u8 {
-    board.peek(OUT + index)
+    board.mcu.peek(OUT + index)
 }
 
 fn out16(board: &Board, index: u16) -> u16 {

@@ -48,7 +48,7 @@ fn a_brown_out_resets_and_lasts_until_the_supply_is_back() {
     board.set_supply_mv(2650);
     run_ms(&mut board, 1);
     let (count, cycle) = (out(&board, 10), board.cycle());
-    assert_eq!(board.peek(0x24), 0, "pins are inputs");
+    assert_eq!(board.mcu.peek(0x24), 0, "pins are inputs");
     board.set_supply_mv(2740);
     run_ms(&mut board, 50);
     assert_eq!((out(&board, 0), out(&board, 10)), (1, count), "runs below the level");

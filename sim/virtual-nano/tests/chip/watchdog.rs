@@ -98,7 +98,7 @@ fn its_reset_starts_the_bootloader() {
     // At address 0 blank flash would run for a millisecond.
     for _ in 0..1000 {
         board.run_for(MS / 10);
-        assert!(board.pc() >= 0x7E00, "at {:#x}", board.pc());
+        assert!(board.mcu.pc() >= 0x7E00, "at {:#x}", board.mcu.pc());
     }
     assert_eq!([0, 1, 2, 3].map(|i| out(&board, i)), [4, PORF, WDRF, WDRF]);
 }

@@ -73,7 +73,7 @@ impl Host {
     pub fn of_rig(name: &str) -> Self {
         let (image, rig) = (firmware(), name.parse::<RigKind>().unwrap());
         let mut board = Board::new(&image, BoardOptions { rig, ..BoardOptions::default() }).unwrap();
-        board.eeprom_mut().copy_from_slice(&rig.eeprom(&image).unwrap());
+        board.mcu.eeprom_mut().copy_from_slice(&rig.eeprom(&image).unwrap());
         let mut host = Self::with(board);
         host.hello();
         host.stream();
@@ -101,7 +101,7 @@ impl Host {
 
     /// Sends the program into an endless loop. The frame under way is cut off.
     pub fn hang(&mut self, interrupts: bool) {
-        self.board.hang(interrupts);
+        self.board.mcu.hang(interrupts);
         self.cut();
     }
 
@@ -115,7 +115,7 @@ impl Host {
         const SLICE: u64 = MS / 10;
         while self.board.cycle() < cycle {
             let next = cycle.min(self.board.cycle() + SLICE);
-            assert_eq!(self.board.run_until(next), RunState::Running, "at {:#x}", self.board.pc());
+            assert_eq!(self.board.run_until(next), RunState::Running, "at {:#x}", self.board.mcu.pc());
             self.listen();
         }
     }

@@ -198,7 +198,7 @@ fn turning_behind(bootloader: Bootloader, rpm: [f64; 2]) -> Host {
 fn wait_for_program(host: &mut Host) {
     for _ in 0..80 {
         host.board.run_for(100 * MS);
-        if host.board.pc() < 0x7000 {
+        if host.board.mcu.pc() < 0x7000 {
             break;
         }
     }

@@ -123,7 +123,7 @@ fn free_motors_of_any_kind_have_no_fault() {
         runs = [130.0, 260.0, 320.0, 500.0].into_iter().flat_map(|motor| speeds.map(|rpm| (motor, rpm, 600))).collect();
     }
     let free = |(no_load_rpm, rpm, s): (f64, [f64; 2], u64)| {
-        let motors = [MotorParameters { no_load_rpm, ..MotorParameters::default() }; 2];
+        let motors = [MotorParameters { no_load_rpm, ..MotorParameters::PUBLISHED }; 2];
         let rig = RigKind { motors, ..RigKind::default() };
         let mut host = Host::ready(BoardOptions { rig, ..BoardOptions::default() });
         host.set_speeds(rpm);

@@ -17,7 +17,7 @@ const STEP: u64 = TICK / 3;
 /// A board with this content of its EEPROM that has just got power.
 fn with(eeprom: &[u8]) -> Host {
     let mut host = Host::new(BoardOptions::default());
-    host.board.eeprom_mut().copy_from_slice(eeprom);
+    host.board.mcu.eeprom_mut().copy_from_slice(eeprom);
     host
 }
 
@@ -49,7 +49,7 @@ fn settings_survive_a_cut_at_any_time_of_a_save_that_changes_all_bytes() {
     for board_id in [8, 7] {
         save(&mut host, Settings { board_id, ..old() });
     }
-    let eeprom = host.board.eeprom_mut().to_vec();
+    let eeprom = host.board.mcu.eeprom_mut().to_vec();
     let [mut kept, mut saved, mut cuts] = [0; 3];
     while saved < 3 {
         let mut host = with(&eeprom);
@@ -140,7 +140,7 @@ fn a_cut_in_the_writing_of_a_fault_leaves_the_log_of_the_others() {
     }
     let before = fault_log(&mut host);
     assert!(before.iter().all(|record| record.fault == Fault::LinkLost), "{before:?}");
-    let eeprom = host.board.eeprom_mut().to_vec();
+    let eeprom = host.board.mcu.eeprom_mut().to_vec();
     let [mut instead, mut logged, mut cuts] = [0; 3];
     while logged < 3 {
         let mut host = with(&eeprom);
