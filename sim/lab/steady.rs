@@ -155,15 +155,12 @@ fn generic(robot: &Robot) -> Vec<[f64; 2]> {
         .filter(|rpm| {
             let profile = SpeedProfile::constant(*rpm, TRIAL_S).expect("a profile");
             let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
+            let is_apart = |sample: &Sample| sample.bundling == Bundling::Apart;
             let has_ended = trial.by_ref().take_while(|sample| sample.as_ref().is_ok_and(is_apart)).count();
             has_ended > 0 && trial.done() == 1.0
         })
         .take(COUNT as usize)
         .collect()
-}
-
-fn is_apart(sample: &Sample) -> bool {
-    sample.bundling == Bundling::Apart
 }
 
 /// Returns the speeds of `50,10`, rpm.

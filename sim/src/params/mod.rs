@@ -20,6 +20,7 @@ pub use closure::Closure;
 pub use head::{Head, HeadShape};
 pub use solver::{Precision, SolverSettings};
 pub use tank::{Face, Tank};
+pub(crate) use validate::within;
 
 use crate::functions::{exp, pow, powi};
 use crate::rod::{

@@ -7,7 +7,8 @@ use std::f64::consts::{PI, TAU};
 /// Shortest regularisation, in lengths of an edge, for which the series of [`crate::fluid::near`] is good to 1e-11.
 const LEAST_EPSILON: f64 = 0.15;
 
-pub(super) fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ParamError> {
+/// Checks a value; the error names its key and the bounds.
+pub(crate) fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ParamError> {
     if value >= low && value <= high {
         return Ok(());
     }

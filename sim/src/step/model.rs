@@ -10,6 +10,7 @@ use crate::body::shaft::Shaft;
 use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::rigid_resistance;
 use crate::params::{Closure, ParamError, Robot};
+use crate::resistance::singular;
 use crate::rod::Rod;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
@@ -42,11 +43,7 @@ impl Model {
         robot.validate()?;
         let feet = robot.shaft_feet();
         let resistance = match closure {
-            Closure::Lumped => pair_resistance(robot, &rods, &feet).ok_or(ParamError {
-                key: "flagellum.edge_length_m",
-                value: robot.flagellum.edge_length_m,
-                reason: "the resistance of the rigid flagella cannot be computed with it".into(),
-            })?,
+            Closure::Lumped => pair_resistance(robot, &rods, &feet).ok_or_else(|| singular(robot))?,
             _ => Matrix3::zeros(),
         };
         let head = RigidSurface::of_head(robot)?;

@@ -49,7 +49,7 @@ use crate::body::attitude::euler_zyx;
 use crate::body::shaft::MotorState;
 use crate::contact::bundling::Bundling;
 use crate::params::Closure;
-use crate::params::{ParamError, Robot, SolverSettings};
+use crate::params::{ParamError, Robot, SolverSettings, within};
 use crate::step::state::State;
 use crate::step::{Solver, StepControl, StepError, StepReport};
 use serde::{Deserialize, Serialize};
@@ -147,9 +147,6 @@ fn phase(solver: &Solver) -> [f64; 2] {
     solver.model().robot.flagellum.phase_deg.map(f64::to_radians)
 }
 
-/// Bounds of the sampling rate, 1/s.
-const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
-
 impl Trial {
     /// Returns a trial with the robot upright and at rest at the start of the profile.
     ///
@@ -171,14 +168,7 @@ impl Trial {
     }
 
     fn begin(solver: Solver, profile: SpeedProfile, options: Options, dense: DenseOutput) -> Result<Self, ParamError> {
-        if !RATES.contains(&options.rate_hz) {
-            return Err(ParamError {
-                key: "rate_hz",
-                value: options.rate_hz,
-                reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
-            });
-        }
-        // The solver's motor angles are the angles of the helices: they include the phase, unlike those of samples.
+        within("rate_hz", options.rate_hz, 1e-3, 1e5)?;
         let profile = profile.from_angles(phase(&solver));
         let mut state = solver.at_rest();
         state.time = profile.start();

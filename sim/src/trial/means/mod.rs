@@ -294,10 +294,10 @@ impl SteadyCollector {
         if ratio::slips(self.speeds, stretch_s, touches) {
             // Nothing tells how far from the mean the phases that have passed are.
             levels.iter_mut().for_each(|level| level.standard_error = None);
-            return self.state(stretch_s, levels, |_| false);
+            return self.state(stretch_s, levels, false);
         }
         let with_errors = |levels| {
-            let mut steady = self.state(stretch_s, levels, |_| false);
+            let mut steady = self.state(stretch_s, levels, false);
             steady.raise_errors(touches);
             if touches && self.mesh {
                 steady.add_errors_of_meshing();
@@ -325,7 +325,7 @@ impl SteadyCollector {
         let enough = self.window > 0.0 && end - self.from >= 1.999 * self.window;
         let agree = |a: f64, b: f64| (a - b).abs() <= 0.5f64.to_radians().max(0.01 * b.abs());
         let settled = enough && (0..3).all(|c| agree(before[c].mean, last[c].mean));
-        self.state(self.window, last, |_| settled)
+        self.state(self.window, last, settled)
     }
 
     /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad: of a difference
@@ -353,21 +353,19 @@ impl SteadyCollector {
         self.recent.back().map_or(self.from, |e| e.time)
     }
 
-    fn state(&self, window_s: f64, levels: [Level; CHANNELS], settled: impl Fn(&Steady) -> bool) -> Steady {
+    fn state(&self, window_s: f64, levels: [Level; CHANNELS], settled: bool) -> Steady {
         let unsettled =
             (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| is_near(means[c], levels[c].mean)));
         let vector = |c: usize| [levels[c], levels[c + 1], levels[c + 2]];
-        let mut steady = Steady {
+        Steady {
             window_s,
             attitude: vector(0),
             force: [vector(3), vector(6)],
             axial_torque: [levels[9], levels[10]],
             speeds_rad_s: self.speeds,
-            settled: false,
+            settled,
             settle_s: unsettled.map_or(self.from, |(time, _)| *time) - self.start,
-        };
-        steady.settled = settled(&steady);
-        steady
+        }
     }
 }
 
