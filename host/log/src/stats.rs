@@ -32,20 +32,21 @@ impl LinkStats {
     }
 
     /// Returns whether the counters are possible for a trial. Larger counters come from a damaged or forged log.
-    pub(super) fn is_possible(&self) -> bool {
-        let Self { samples, lost, repeated, crc_errors, resyncs, retries } = *self;
-        [samples, lost, repeated, crc_errors, resyncs, retries].into_iter().all(|count| count <= MOST)
+    pub(super) fn is_possible(mut self) -> bool {
+        self.counters().into_iter().all(|count| *count <= MOST)
+    }
+
+    fn counters(&mut self) -> [&mut u64; 6] {
+        let Self { samples, lost, repeated, crc_errors, resyncs, retries } = self;
+        [samples, lost, repeated, crc_errors, resyncs, retries]
     }
 }
 
 impl std::ops::AddAssign for LinkStats {
-    fn add_assign(&mut self, other: Self) {
-        self.samples = self.samples.saturating_add(other.samples);
-        self.lost = self.lost.saturating_add(other.lost);
-        self.repeated = self.repeated.saturating_add(other.repeated);
-        self.crc_errors = self.crc_errors.saturating_add(other.crc_errors);
-        self.resyncs = self.resyncs.saturating_add(other.resyncs);
-        self.retries = self.retries.saturating_add(other.retries);
+    fn add_assign(&mut self, mut other: Self) {
+        for (count, more) in self.counters().into_iter().zip(other.counters()) {
+            *count = count.saturating_add(*more);
+        }
     }
 }
 
