@@ -13,7 +13,7 @@ fn turn_by_hand_is_logged_with_the_errors_of_scale_and_clock() {
     let mut nano = nano(["--speed", "4", "--sensor", sensor.to_str().unwrap()]);
     assert_eq!(nano.sensor().gyro_scale, [0.02, -0.01, -0.0165]);
     // A hand that sways cones, and the rate about z is then not the whole turn.
-    nano.set_hand(0.0, 0.0).unwrap();
+    nano.control("hand 0 0").unwrap();
     let port = nano.port().to_owned();
     let mut recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
     wait_for_line(&mut recording, ": run");

@@ -42,14 +42,12 @@ enum Server {
         _claim: Claim,
     },
     /// This thread, while it waits for an emulated board that waits for this program; `None` once the board has ended.
-    Own(RefCell<Option<Worker<LockStep>>>),
+    Own(RefCell<Option<Box<Worker<LockStep>>>>),
 }
 
 /// A request that waits for its answer.
 #[derive(Debug)]
-pub struct Asked {
-    answer: Receiver<Exchange>,
-}
+pub struct Asked(Receiver<Exchange>);
 
 impl Link {
     /// Time in which handshake attempts may start. Opening the port resets a Nano, and the older of its bootloaders
@@ -98,7 +96,7 @@ impl Link {
         let (requests, pending) = channel();
         let (sender, events) = channel();
         let worker = Worker::new(LockStep::new(advance, opened), pending, sender, None, 0);
-        let server = Server::Own(RefCell::new(Some(worker)));
+        let server = Server::Own(RefCell::new(Some(Box::new(worker))));
         let link = Self { path: path.to_owned(), opened, info: Info::default(), requests, events, server };
         link.shaken(&AtomicBool::new(false))
     }
@@ -135,9 +133,9 @@ impl Link {
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
         let asked = self.send(command)?;
         let exchange = match &self.server {
-            Server::Thread { .. } => asked.answer.recv().ok(),
+            Server::Thread { .. } => asked.0.recv().ok(),
             Server::Own(worker) => loop {
-                match asked.answer.try_recv() {
+                match asked.0.try_recv() {
                     Err(TryRecvError::Empty) if step(worker) => {}
                     exchange => break exchange.ok(),
                 }
@@ -154,12 +152,12 @@ impl Link {
         self.heartbeat();
         let (sender, answer) = channel();
         self.requests.send(PendingRequest { command, answer: sender }).map_err(|_| self.closed())?;
-        Ok(Asked { answer })
+        Ok(Asked(answer))
     }
 
     /// Returns the answer to a request; `None` until it arrives.
     pub fn answer(&self, asked: &Asked) -> Option<Result<Reply, LinkError>> {
-        match asked.answer.try_recv() {
+        match asked.0.try_recv() {
             Err(TryRecvError::Empty) => None,
             exchange => Some(self.outcome(exchange.ok())),
         }
@@ -294,13 +292,13 @@ impl Drop for Link {
                     let _ = thread.join();
                 }
             }
-            Server::Own(worker) => drop(worker.take().map(Worker::end)),
+            Server::Own(worker) => drop(worker.take().map(|worker| worker.end())),
         }
     }
 }
 
 /// Lets a board that waits for this program advance by a slice. Returns whether it is still running.
-fn step(worker: &RefCell<Option<Worker<LockStep>>>) -> bool {
+fn step(worker: &RefCell<Option<Box<Worker<LockStep>>>>) -> bool {
     let mut worker = worker.borrow_mut();
     let is_running = worker.as_mut().is_some_and(|worker| worker.step().is_ok());
     if !is_running {

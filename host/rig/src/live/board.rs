@@ -19,7 +19,15 @@ use study::trial::DAMAGED_FRAME;
 /// # Errors
 /// [`LinkError`].
 pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, LinkError> {
-    let mut stream = Stream::new(Converter::new(settings, link.info().imu_id), live);
+    let mut stream = Stream {
+        live,
+        converter: Converter::new(settings, link.info().imu_id),
+        clock: BoardClock::default(),
+        first: None,
+        now_ns: 0,
+        monitor: Monitor::default(),
+        state: None,
+    };
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     while !interrupted.load(Ordering::Relaxed) {
         let Some(received) = link.next(Duration::from_millis(20)) else { continue };
@@ -51,19 +59,7 @@ struct Stream<'a> {
     state: Option<(State, Fault)>,
 }
 
-impl<'a> Stream<'a> {
-    fn new(converter: Converter, live: &'a Live) -> Self {
-        Self {
-            live,
-            converter,
-            clock: BoardClock::default(),
-            first: None,
-            now_ns: 0,
-            monitor: Monitor::default(),
-            state: None,
-        }
-    }
-
+impl Stream<'_> {
     fn frame(&mut self, frame: &Telemetry, host: SystemTime) {
         let arrival = self.monitor.frame(frame);
         if arrival == Arrival::Repeated {

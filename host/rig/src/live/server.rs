@@ -44,13 +44,11 @@ struct Server {
 
 /// Records whether a viewer has subscribed to a channel.
 #[derive(Default)]
-struct Listener {
-    subscribed: AtomicBool,
-}
+struct Listener(AtomicBool);
 
 impl ServerListener for Listener {
     fn on_subscribe(&self, _viewer: Client, _channel: ChannelView) {
-        self.subscribed.store(true, Ordering::Relaxed);
+        self.0.store(true, Ordering::Relaxed);
     }
 }
 
@@ -125,7 +123,7 @@ impl Live {
 
     /// Returns whether a viewer has subscribed to a channel.
     pub fn is_watched(&self) -> bool {
-        self.0.listener.subscribed.load(Ordering::Relaxed)
+        self.0.listener.0.load(Ordering::Relaxed)
     }
 
     /// Sends a message to all subscribers of its channel without blocking: a full queue drops its oldest message.

@@ -7,7 +7,7 @@
 use super::error::RecordError;
 use super::recorder::{Frame, Recorder};
 use super::still;
-use super::trial::{RigRun, RunContext, Said, calibrate, record};
+use super::trial::{RigRun, RunContext, calibrate, record};
 use crate::link::Asked;
 use biflag_log::{EventKind, LogError, Start, SteerMeta};
 use protocol::units::CentiRpm;
@@ -54,9 +54,9 @@ pub fn steer(
 ) -> Result<SteeredRun, LogError> {
     let mut tally = Tally::default();
     let counts_per_turn = f64::from(settings.counts_per_turn);
-    let run = record(context, path, start, settings, |recorder, context, said| {
+    let run = record(context, path, start, settings, |recorder, context| {
         recorder.trial.steer(meta)?;
-        let drift = rest(recorder, context, trial, &settings, said)?;
+        let drift = rest(recorder, context, trial, &settings)?;
         let times = Times::default();
         let course = Course {
             recorder,
@@ -92,7 +92,6 @@ fn rest(
     context: &mut RunContext,
     trial: &Trial,
     settings: &Settings,
-    said: &mut Said,
 ) -> Result<DriftRate, RecordError> {
     recorder.begin()?;
     still::wait(recorder, context.progress, trial)?;
@@ -118,7 +117,8 @@ fn rest(
             let has_slope = span.end - span.start >= SHORTEST_SLOPE_S;
             let dps = if has_slope { yaw.track(0).rate(span).unwrap_or_default() } else { 0.0 };
             if has_slope {
-                said.notes
+                recorder
+                    .notes
                     .push(format!("the drift of the yaw before the run, {dps:+.4} °/s, was taken off while steering"));
             }
             return Ok(DriftRate { dps, zero_us: frame.board_us });

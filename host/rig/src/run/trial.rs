@@ -2,7 +2,7 @@
 //! the board, and records the trial.
 
 use super::error::RecordError;
-use super::recorder::{Frame, Keep, Recorder, first_failure};
+use super::recorder::{Frame, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
 use super::virtual_nano::VirtualNano;
 use super::{preflight, schedule, still};
@@ -74,9 +74,7 @@ pub fn run(
     settings: Settings,
 ) -> Result<RigRun, LogError> {
     let schedule = Schedule::planned(trial);
-    record(context, path, start, settings, |recorder, context, said| {
-        phases(recorder, context, trial, &schedule, &settings, said)
-    })
+    record(context, path, start, settings, |recorder, context| phases(recorder, context, trial, &schedule, &settings))
 }
 
 /// Records the trial run by `phases` in a log at `path`. Whatever its outcome, stops the motors and closes the log.
@@ -85,7 +83,7 @@ pub(super) fn record(
     path: &Path,
     start: &Start,
     settings: Settings,
-    phases: impl FnOnce(&mut Recorder, &mut RunContext, &mut Said) -> Result<(), RecordError>,
+    phases: impl FnOnce(&mut Recorder, &mut RunContext) -> Result<(), RecordError>,
 ) -> Result<RigRun, LogError> {
     let mut kept = run::Recorder::create(path, start, settings, SystemTime::now())?;
     if let Some(tap) = context.tap.take() {
@@ -97,8 +95,7 @@ pub(super) fn record(
     }
     let truth = context.robot.map(TruthRecorder::new);
     let mut recorder = Recorder::new(context.link, kept, settings, context.interrupted, truth);
-    let mut said = Said::default();
-    let phases = phases(&mut recorder, context, &mut said);
+    let phases = phases(&mut recorder, context);
     // After a failed write, further writes to the log fail as well.
     let writable = !matches!(phases, Err(RecordError::Log(_)));
     let mut error = stop(&mut recorder, phases, writable).err();
@@ -115,7 +112,7 @@ pub(super) fn record(
         let slowest = recorder.trial.log.slowest_write();
         if slowest > SLOW_DISK {
             let text = format!("the disk was slow: a write took {:.1} s; nothing was lost", slowest.as_secs_f64());
-            said.notes.push(text.clone());
+            recorder.notes.push(text.clone());
             recorder.trial.event(EventKind::Note, &text, SystemTime::now())?;
         }
         if let Some(clock) = recorder.clock() {
@@ -135,13 +132,7 @@ pub(super) fn record(
     };
     let Measured { angles, run_s, findings } =
         if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
-    Ok(RigRun { summary, angles, run_s, error, findings, notes: said.notes })
-}
-
-/// Notes for the user at the end of a trial.
-#[derive(Default)]
-pub(super) struct Said {
-    pub notes: Vec<String>,
+    Ok(RigRun { summary, angles, run_s, error, findings, notes: recorder.notes })
 }
 
 /// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
@@ -173,12 +164,12 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
         let _ = link.command(Command::Stop).and_then(|()| link.command(Command::Stream { rate_hz: 0 }));
         return phases;
     }
-    let keep = if phases.is_err() { Keep::Frames } else { Keep::Answers };
-    recorder.recorded_phase = phases.is_err().then_some(u8::MAX);
+    let has_failed = phases.is_err();
+    recorder.recorded_phase = has_failed.then_some(u8::MAX);
     let (stopped, meanwhile) = recorder.exchange(Command::Stop);
     let mut outcome = first_failure(phases, meanwhile);
     if stopped.is_ok() {
-        if keep == Keep::Frames {
+        if has_failed {
             outcome = first_failure(outcome, recorder.hear_off());
         }
         let (_, meanwhile) = recorder.exchange(Command::Stream { rate_hz: 0 });
@@ -187,7 +178,7 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
             *cause = recorder.restart();
         }
     }
-    first_failure(outcome, recorder.drain(keep))
+    first_failure(outcome, recorder.drain(has_failed))
 }
 
 /// Waits until the robot is still, calibrates the gyroscope, and starts the schedule. Returns the board's clock at its start,
@@ -198,7 +189,6 @@ fn begin(
     trial: &Trial,
     schedule: &Schedule,
     settings: &Settings,
-    said: &mut Said,
 ) -> Result<u64, RecordError> {
     let points = schedule.set_points(context.lines)?;
     schedule::send(recorder, &points)?;
@@ -215,7 +205,7 @@ fn begin(
             let late_s = (start_us - planned_us) as f64 * 1e-6;
             let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
             recorder.event(EventKind::Note, &text)?;
-            said.notes.push(text);
+            recorder.notes.push(text);
         }
         Ok(start_us)
     } else {
@@ -234,13 +224,12 @@ fn phases(
     trial: &Trial,
     schedule: &Schedule,
     settings: &Settings,
-    said: &mut Said,
 ) -> Result<(), RecordError> {
     let (progress, name) = (context.progress, &trial.name);
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    let start_us = begin(recorder, context, trial, schedule, settings, said)?;
+    let start_us = begin(recorder, context, trial, schedule, settings)?;
     let mut phase = Phase::Calibrate;
     let mut phase_us = start_us;
     let mut target = [CentiRpm(0); 2];
@@ -248,7 +237,8 @@ fn phases(
         let tick_us = start_us + u64::from(tick) * TICK_US;
         if phase == Phase::Decay
             && trial.phases.rest_at_most_s > 0.0
-            && let Some(still_us) = still::decay(recorder, context.progress, [phase_us, tick_us], is_after_decay)?
+            && let Some(still_us) =
+                still::decay(recorder, context.progress, [phase_us, tick_us], |phase| phase != Phase::Decay.number())?
         {
             recorder.end_at(still_us)?;
             return recorder.change(EventKind::Phase, Phase::End.name(), still_us);
@@ -291,10 +281,6 @@ fn phases(
         target = event.setpoint.target;
     }
     Ok(())
-}
-
-fn is_after_decay(phase: u8) -> bool {
-    phase != Phase::Decay.number()
 }
 
 /// Interval between updates of a trial's figures, on the board's clock, µs.

@@ -150,15 +150,6 @@ impl VirtualNano {
         self.move_by_hand(&format!("pose {pose} {length_s}"))
     }
 
-    /// Sets the errors of the hand in later movements: the standard deviation of the stops, and the amplitude of the
-    /// sway on the way, both about each body axis.
-    ///
-    /// # Errors
-    /// As [`VirtualNano::control`].
-    pub fn set_hand(&mut self, stop_deg: f64, sway_deg: f64) -> Result<(), VirtualError> {
-        self.control(&format!("hand {stop_deg} {sway_deg}")).map(drop)
-    }
-
     /// Returns whether the hand has movements left.
     ///
     /// # Errors

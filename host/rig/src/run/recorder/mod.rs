@@ -29,15 +29,6 @@ pub struct Frame {
     pub telemetry: Telemetry,
 }
 
-/// Events to keep when the queue is drained.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Keep {
-    /// All events, including telemetry.
-    Frames,
-    /// All events except telemetry.
-    Answers,
-}
-
 /// Returns the first of two failures, except that a fault takes precedence, because it explains more.
 pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), RecordError>) -> Result<(), RecordError> {
     match (&first, &next) {
@@ -59,6 +50,8 @@ pub(super) struct Recorder<'a> {
     /// Figures of the frames recorded so far.
     pub(super) readout: Readout,
     interrupted: &'a AtomicBool,
+    /// Notes for the user at the end of the trial.
+    pub(super) notes: Vec<String>,
     /// Records the ground truth of a simulated robot.
     truth: Option<TruthRecorder<'a>>,
     /// The first frame of the next phase, already received.
@@ -98,6 +91,7 @@ impl<'a> Recorder<'a> {
             speeds: VecDeque::new(),
             readout: Readout::new(link.info().imu_id),
             interrupted,
+            notes: Vec::new(),
             truth,
             pending: None,
             waiting: VecDeque::new(),
@@ -270,12 +264,12 @@ impl<'a> Recorder<'a> {
         self.event(kind, text)
     }
 
-    /// Records the events already received, without waiting: replies to the last commands and, after a failure, the
-    /// frames that the board sent in the meantime.
+    /// Records the events already received, without waiting: replies to the last commands, and with `frames`, as after a
+    /// failure, the frames that the board sent in the meantime.
     ///
     /// # Errors
     /// The first failure, after everything is recorded; a fault takes precedence.
-    pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
+    pub(super) fn drain(&mut self, frames: bool) -> Result<(), RecordError> {
         let mut outcome = Ok(());
         while let Some(received) = self.link.next(Duration::ZERO) {
             if matches!(received.event, Event::Closed) {
@@ -284,7 +278,7 @@ impl<'a> Recorder<'a> {
             let taken = self.take_frame(received);
             outcome = first_failure(outcome, taken);
         }
-        if keep == Keep::Frames {
+        if frames {
             let waiting = std::mem::take(&mut self.waiting);
             for frame in self.pending.take().into_iter().chain(waiting) {
                 outcome = first_failure(outcome, self.keep(frame));
