@@ -355,7 +355,8 @@ struct Rig<'a> {
 impl Rig<'_> {
     /// Prints what is found about the plan, the session and its logs before the first trial.
     fn say_what_is_known(&self, knows_angles: bool, recorded: &Recorded, progress: &Progress) {
-        let preview = Preview::of(&self.plan, knows_angles);
+        // Without encoders no command makes them known.
+        let preview = Preview::of(&self.plan, knows_angles || self.lines.is_some());
         let findings = self.session.clock_behind().into_iter().chain(preview.findings);
         findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
         recorded.say_left_out(progress);

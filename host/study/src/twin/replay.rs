@@ -107,7 +107,7 @@ impl<T> Replays<T> {
         };
         let cure = others.iter().fold(cure, |cure, (_, other)| if *other == PhaseCure::Fit { *other } else { cure });
         Some(format!(
-            "the results of {first}{and_others} depend on how the flagella stood at the start, which the encoders do not know; {}",
+            "the results of {first}{and_others} depend on how the flagella stood at the start, which nothing has measured; {}",
             cure.text()
         ))
     }
