@@ -81,6 +81,8 @@ pub struct Labelled<'a> {
     pub touches: bool,
     /// The speeds that the motion tells by itself, rpm.
     pub told_rpm: Option<[f64; 2]>,
+    /// Whether pitch and roll were not measured.
+    pub has_yaw_alone: bool,
 }
 
 impl Labelled<'_> {
@@ -154,13 +156,16 @@ pub fn label(trial: &Labelled) -> Label {
     let end_s = trial.settled_s.end;
     let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
     let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
-    if hardly_swings(at_the_end, 1.0) == [true; 2] {
-        return Label::HardlySwings(Swing::Whole);
-    }
     let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
     // Speeds that are hardly known may be each other's.
     let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
     let may_be_alike = apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1);
+    match hardly_swings(at_the_end, 1.0) {
+        [_, true] if trial.has_yaw_alone && !may_be_alike => return Label::HardlySwings(Swing::Yaw),
+        _ if trial.has_yaw_alone => return Label::NotJudged("not all angles are measured"),
+        [true, true] => return Label::HardlySwings(Swing::Whole),
+        _ => {}
+    }
     // The swings of alike motors may cancel in the plane, or about z.
     if !may_be_alike && !are_alike && !is_noisy {
         match hardly_swings(fitter.swing_dps(), ONE_SWING) {

@@ -109,7 +109,7 @@ impl Trace {
         let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
         let touches = Robot::default().flagellum.mesh(rpm);
         let told_rpm = blind::speeds(&self.angles_deg, settled_s.clone()).ok().map(|told| told.map(|(rpm, _)| rpm));
-        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm })
+        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone: false })
     }
 
     /// Returns the speed by the nominal one, as an encoder has it.

@@ -83,7 +83,12 @@ pub(super) fn swing_s(data: &Data, run: &Range<f64>) -> Result<Range<f64>, &'sta
     if data.records.import.as_ref().is_some_and(|import| !import.constant.is_empty()) {
         return Err("not all angles are measured");
     }
-    Ok(run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end)
+    Ok(settled_s(run))
+}
+
+/// Returns the part of a run in which the swing has settled.
+pub(super) fn settled_s(run: &Range<f64>) -> Range<f64> {
+    run.start + SETTLED_S.min(SETTLED_SHARE * (run.end - run.start))..run.end
 }
 
 impl Steady {

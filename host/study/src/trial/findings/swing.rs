@@ -3,7 +3,7 @@
 use super::{Rule, Section, frame};
 use crate::swing::{Cause, Label, Labelled, Swing as Swings, SwingSpeeds, label};
 use crate::text::{decimal, either};
-use crate::trial::angles::Steady;
+use crate::trial::angles::{Steady, settled_s};
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Swing, Upright};
 use crate::trial::zero::Zeroed;
@@ -51,7 +51,9 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
     let rpm = data.speeds().map(CentiRpm::rpm);
     let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
     let steady = zeroed.steady.as_ref().ok_or("the run is too short for steady angles")?;
-    let settled_s = steady.swing_s.clone()?;
+    let unmeasured = data.records.import.as_ref().map_or(&[][..], |import| &import.constant);
+    let has_yaw_alone = data.reverse().is_none() && unmeasured == ["pitch", "roll"];
+    let settled_s = if has_yaw_alone { settled_s(&zeroed.seen_run()) } else { steady.swing_s.clone()? };
     let touches = robot.flagellum.mesh(rpm);
     let off = match data.is_recorded() {
         _ if data.is_blind() => OFF_OF_BLIND,
@@ -59,7 +61,7 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
         false => OFF_OF_IMPORT,
     };
     let told_rpm = (!data.is_blind()).then(|| steady.measured(&zeroed.angles_deg)).and_then(SwingSpeeds::rpm);
-    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm })
+    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone })
 }
 
 /// Returns the speeds of motors without encoders: those of the swing alone, or those near the commanded ones that the swing has.
@@ -103,7 +105,7 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
                     "the motors stood, or the angles are radians or were smoothed",
                 ),
                 Swings::Tilt => ("pitch and roll hardly swing", "they are radians"),
-                Swings::Yaw => ("the yaw hardly swings", "it is in radians"),
+                Swings::Yaw => ("the yaw hardly swings", "it is in radians, or the motors stood"),
             };
             Ok(Some(format!("{which}, and would at {at}, once a turn of each flagellum: {why}")))
         }
