@@ -102,7 +102,8 @@ fn info_shows_the_content_of_a_log() {
         "4401 samples, 3 lost",
         "yaw 1",
         "complete",
-        "clean",
+        "robot        physical",
+        "log clean",
     ] {
         assert!(text.contains(part), "{part} is not in\n{text}");
     }

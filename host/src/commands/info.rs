@@ -112,6 +112,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
         lines.add("starts at", t.phase_deg.map_or(String::new(), |[one, two]| format!("{one}° and {two}°")));
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }
+    lines.add("robot", records.robot.as_ref().map_or("", |robot| &robot.name));
     lines.add("rest", records.rest.as_ref().map_or_else(String::new, text::rest));
     if let Some(model) = &records.model {
         let shapes = if model.shapes { ", with shapes" } else { "" };
@@ -127,7 +128,8 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
         lines.add("clock", text::clock(clock));
     }
     lines.add("duration", format!("{:.3} s", data.duration_s));
-    lines.add("link", data.link);
+    let link = Some(data.link).filter(|_| data.origin() != Origin::Imported);
+    lines.add("link", link.map_or_else(String::new, |link| link.to_string()));
     if let Some(steady) = &records.steady {
         match steady.kind {
             Some(kind) => lines.add("motion", kind.name().replace('_', " ")),
@@ -176,7 +178,7 @@ fn condition(data: &Data, is_open: bool) -> String {
     match (data.condition, &data.rewritten_by) {
         _ if is_open => "being recorded".to_owned(),
         (Condition::Rewritten, Some(program)) => format!("rewritten by {program}, whole"),
-        (Condition::Clean | Condition::Rewritten, _) => "clean".to_owned(),
+        (Condition::Clean | Condition::Rewritten, _) => "log clean".to_owned(),
         (Condition::CutOff, _) => "cut off; `biflag recover` writes an intact log from it".to_owned(),
         (Condition::Damaged, _) => {
             "damaged; `biflag recover` writes an intact log from the part that can be read".to_owned()

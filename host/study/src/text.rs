@@ -67,14 +67,15 @@ pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Describes the board's clock relative to the computer's. An emulated board may run several times as fast as real
-/// time.
+/// Describes the board's clock relative to the computer's. An emulated board may run several times as fast as real time; the
+/// computer's load moves its clock then.
 pub fn clock(clock: &ClockMeta) -> String {
-    let rate = match clock.drift_ppm {
-        drift if drift.abs() < 1e4 => format!("{} ppm", signed(drift, 1)),
-        drift => format!("{:.2} times real time", 1.0 + drift * 1e-6),
-    };
-    format!("{rate}, residual {:.0} µs, {}", clock.residual_us, count(clock.pings as usize, "ping"))
+    let drift = clock.drift_ppm;
+    if drift.abs() >= 1e4 {
+        return format!("{:.2} times real time", 1.0 + drift * 1e-6);
+    }
+    let pings = count(clock.pings as usize, "ping");
+    format!("{} ppm, residual {:.0} µs, {pings}", signed(drift, 1), clock.residual_us)
 }
 
 /// Describes how the robot came to rest before a trial.
