@@ -190,6 +190,8 @@ fn replay_of_a_modelled_session_reproduces_it() {
     assert_eq!(replay.metadata().unwrap().modified().unwrap(), made);
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
     let compared = json(&biflag(folder, &["compare", "short", "--robot", "thick.toml", "--json"]), 3);
+    let moved = "short-replay had replays of the robot physical, which are now in short-replay/attempts";
+    assert_eq!(compared["notes"], serde_json::json!([moved]));
     for trial in compared["trials"].as_array().unwrap() {
         assert!(!trial["differences"].as_array().unwrap().is_empty(), "{trial}");
         assert!(trial["verdict"].as_str().unwrap().starts_with("Yaw differs by"), "{trial}");
@@ -292,7 +294,8 @@ fn phase_of_a_rigs_flagella_is_found_and_used() {
     let after = tilt(&compared);
     println!("tilt error {before:.2} deg in phase, {after:.2} deg at {} deg", phase["value"]);
     assert!(before > 1.0 && after < 0.2, "{before} {after}");
-    assert_eq!(compared["notes"], serde_json::json!([]));
+    assert!(compared["notes"][0].as_str().unwrap().starts_with("rig-replay had replays of the robot physical"));
+    assert!(compared["notes"][1].is_null(), "{}", compared["notes"]);
 }
 
 #[test]

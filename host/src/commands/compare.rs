@@ -54,11 +54,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let budget = report::budget(&args.a)?;
     let want = report::want(budget);
     let view = |a: &Judged, b: &Judged, compared: &_| View::new(a, Some((compared, b)), budget);
-    let (comparison, views, note) = match &args.b {
+    let (comparison, views, notes) = match &args.b {
         Some(b) => {
             let pairs = Pairs::of(&args.a, b)?;
             let (comparison, views) = twin::compare_pairs(&pairs, want, on_mismatch, jobs, &view)?;
-            (comparison, views, None)
+            (comparison, views, Vec::new())
         }
         None => {
             let interrupted = interruption()?;
@@ -78,9 +78,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
                 let body = json!({ "trials": [], "report": null, "notes": [] });
                 return Answer::new(Outcome::Interrupted, &body, text);
             }
-            let note = replays.note_on_phases();
+            let notes = replays.notes();
             let (comparison, views) = replays.sum_up([&source.path, &folder], on_mismatch)?;
-            (comparison, views, note)
+            (comparison, views, notes)
         }
     };
     if comparison.trials.is_empty() {
@@ -95,10 +95,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         Err(error) => (None, format!("no report: {error}\n")),
     };
-    let noted = note.as_ref().map_or_else(String::new, |note| format!("note: {note}\n"));
+    let noted: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
     let text = describe(&comparison) + &noted + &page;
     let outcome = Outcome::of(comparison.is_sound() && report.is_some());
-    Ok(Answer::new(outcome, &comparison, text)?.with("report", report).with("notes", Vec::from_iter(note)))
+    Ok(Answer::new(outcome, &comparison, text)?.with("report", report).with("notes", notes))
 }
 
 fn describe(comparison: &SessionComparison) -> String {

@@ -60,7 +60,7 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
     lines += &lines_of_logs(&findings);
     lines.extend(replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason)));
-    let notes: Vec<_> = replays.note_on_phases().into_iter().collect();
+    let notes = replays.notes();
     lines.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     let row = |trial: &Replayed| {
         Row::One(SimulatedTrial {

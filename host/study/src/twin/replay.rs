@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
 use crate::session::{Attempt, Session};
 use crate::trial::{Data, Finding, Judged, LogFinding, Want};
-use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
+use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, RobotMeta, SteadyMeta, last_meta};
 use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use sim::body::closure::Closure;
@@ -93,11 +93,18 @@ pub struct Replays<T> {
     pub left_out: Vec<LogFinding>,
     /// Whether the user interrupted the replay.
     pub interrupted: bool,
+    /// A note about replays of another robot whose names these have taken.
+    pub replaced: Option<String>,
 }
 
 impl<T> Replays<T> {
-    /// Returns a note for the user about helix angles that the encoders do not measure.
-    pub fn note_on_phases(&self) -> Option<String> {
+    /// Returns what the user should know of the replays.
+    pub fn notes(&self) -> Vec<String> {
+        self.replaced.iter().cloned().chain(self.note_on_phases()).collect()
+    }
+
+    /// Returns a note about helix angles that the encoders do not measure.
+    fn note_on_phases(&self) -> Option<String> {
         let mut needing = self.trials.iter().filter_map(|(one, _)| Some((&one.trial.name, one.needs_phase?)));
         let (first, cure) = needing.next()?;
         let others: Vec<_> = needing.collect();
@@ -179,14 +186,25 @@ pub fn replay<T: Send>(
         let made = then(&replayed, recording);
         Ok(Outcome::Replayed(Box::new(replayed), made))
     };
+    let robot_there = || {
+        let robot = |log: &PathBuf| last_meta::<RobotMeta>(log).ok()?;
+        source.logs.iter().find_map(|(trial, _)| robot(replay_folder::all(session, trial).ok()?.first()?))
+    };
+    let before = robot_there();
     let outcomes: Result<Vec<_>, TwinError> =
         pool(settings.jobs)?.install(|| source.logs.iter().par_bridge().map(one).collect());
     progress.finish();
+    let (folder, after) = (session.folder().display(), robot_there());
+    let replaced =
+        before.filter(|before| after.is_some_and(|after| after != *before)).map(|RobotMeta { name, .. }| {
+            format!("{folder} had replays of the robot {name}, which are now in {folder}/{}", replay_folder::ATTEMPTS)
+        });
     let mut replays = Replays {
         trials: Vec::new(),
         skipped: source.skipped.clone(),
         left_out: source.left_out.clone(),
         interrupted: false,
+        replaced,
     };
     for outcome in outcomes? {
         match outcome {

@@ -7,7 +7,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Name of the folder of the older replays.
-const ATTEMPTS: &str = "attempts";
+pub(super) const ATTEMPTS: &str = "attempts";
 
 /// Returns all replays of a trial: the plain name first, then the others, from the latest to the earliest.
 pub(super) fn all(session: &Session, trial: &Trial) -> Result<Vec<PathBuf>, SessionError> {
