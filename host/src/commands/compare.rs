@@ -108,8 +108,9 @@ fn describe(comparison: &SessionComparison) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", line(trial));
         for of_log in &trial.findings {
-            let log = Some(&of_log.log).filter(|log| trial.measured.as_os_str() != log.as_str());
-            let _ = writeln!(text, "  {}", finding_line(log.map(String::as_str), &of_log.finding));
+            let is_other = trial.measured.as_os_str() != of_log.log.as_str();
+            let log = is_other.then(|| format!("{} {}", trial.other, of_log.log));
+            let _ = writeln!(text, "  {}", finding_line(log.as_deref(), &of_log.finding));
         }
         for warning in &trial.warnings {
             let _ = writeln!(text, "  warning: {warning}");

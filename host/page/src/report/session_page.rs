@@ -155,8 +155,10 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     let more = " Their angles are averages, not steady values.";
     let charts =
         "The session has too many trials for charts on a page. `biflag report LOG` draws the charts of one trial.";
+    let other = capitalised(views().find_map(|view| Some(view.comparison.as_ref()?.other)).unwrap_or_default());
     let remarks = [
-        note("Not settled", views().filter(|view| !view.is_settled()).count(), more),
+        note("Not settled", views().filter(|view| !view.is_settled(false)).count(), more),
+        note(&format!("{other} not settled"), views().filter(|view| !view.is_settled(true)).count(), more),
         (!has_charts).then(|| charts.to_owned()),
     ];
     (problems.into_iter().flatten().collect(), remarks.into_iter().flatten().collect())
@@ -175,7 +177,7 @@ fn maps(rows: &[Row]) -> Vec<Markup> {
             let own = || view.steady_deg().or_else(|| view.is_model().then_some([f64::NAN; 3]));
             let angles = if modelled { view.comparison.as_ref()?.modelled_deg() } else { own()? };
             let anchor = (!view.data.is_null()).then(|| anchor(i));
-            Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(), anchor))
+            Some(AtSpeeds::of_trial(row.speeds_rpm, angles, view.is_settled(modelled), anchor))
         };
         mean_of_repeats(rows.iter().enumerate().filter_map(trial))
     });
@@ -264,7 +266,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     }
 }
 
-/// Returns the verdict and the warnings of a trial in a few words each. Both sides of a comparison may have the same.
+/// Returns the verdict and the warnings of a trial in a few words each, and none twice.
 fn briefs(view: &View, verdict: Option<&'static str>) -> String {
     let mut briefs: Vec<&str> = verdict.into_iter().collect();
     for warning in &view.warnings {

@@ -120,9 +120,10 @@ impl View {
         all.map(|deg| deg.filter(|deg| *deg > 0.0))
     }
 
-    /// Whether the attitude settled.
-    pub(super) fn is_settled(&self) -> bool {
-        !self.findings.iter().any(|of_log| of_log.finding.kind == FindingKind::Window)
+    /// Whether the attitude settled; that of the trial that it is compared with for `of_other`.
+    pub(super) fn is_settled(&self, of_other: bool) -> bool {
+        let own = self.log.to_string_lossy();
+        !self.findings.iter().any(|one| one.finding.kind == FindingKind::Window && (one.log != own) == of_other)
     }
 
     /// Whether the trial was computed, not measured.

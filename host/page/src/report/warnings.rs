@@ -34,8 +34,12 @@ impl Warning {
 pub(super) fn warnings(trial: &Judged, comparison: Option<&Comparison>) -> Vec<Warning> {
     let mut warnings: Vec<Warning> = trial.findings.iter().map(|finding| Warning::of(finding, None)).collect();
     let path = trial.data.path.to_string_lossy();
-    for of_log in comparison.iter().flat_map(|comparison| &comparison.findings).filter(|of_log| of_log.log != path) {
-        warnings.push(Warning::of(&of_log.finding, Some(&of_log.log)));
+    if let Some(comparison) = comparison {
+        let other = comparison.other;
+        for of_log in comparison.findings.iter().filter(|of_log| of_log.log != path) {
+            let warning = Warning::of(&of_log.finding, Some(&capitalised(&format!("{other} {}", of_log.log))));
+            warnings.push(Warning { brief: format!("{other}: {}", warning.brief), ..warning });
+        }
     }
     for text in comparison.iter().flat_map(|comparison| &comparison.warnings) {
         warnings.push(Warning::new(&clip(text, 80), clip(text, 500)));

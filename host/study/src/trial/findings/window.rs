@@ -36,8 +36,8 @@ fn unsettled(data: &Data, steady: &Steady) -> Option<String> {
     Some(if let Some(known) = steady.of_model {
         let largest = decimal(known[..3].iter().copied().fold(0.0, f64::max), 2);
         format!(
-            "not settled: the angles are what a slow approach has reached by a fit to the last {window_s:.1} s, known to ± \
-             {largest}°, not steady values"
+            "not settled: the attitude still changes slowly at the end of the run, where it is known to ± {largest}° (the largest \
+             of yaw, pitch and roll)"
         )
     } else if window_s > 0.0 {
         format!("not settled: the angles are means over the last {window_s:.1} s, not steady values")

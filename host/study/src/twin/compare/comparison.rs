@@ -64,6 +64,9 @@ pub struct Comparison {
     pub findings: Vec<LogFinding>,
     /// The kinds of the two trials.
     pub sides: Sides,
+    /// What the second one is called in findings: `replay` where it is that of the first, else its name of [`Sides::names`].
+    #[serde(skip)]
+    pub other: &'static str,
     /// Where both ran.
     pub origin: [&'static str; 2],
     /// The differences as text.

@@ -166,6 +166,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         is_beyond_chance: false,
         findings: [&measured.findings[..], &modelled.findings].concat(),
         sides: Sides::of(a, b),
+        other: if pair.is_replay() { "replay" } else { Sides::of(a, b).names()[1] },
         origin: [a, b].map(|data| data.origin().name()),
         verdict: String::new(),
         warnings,
