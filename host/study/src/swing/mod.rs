@@ -19,6 +19,7 @@ use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
 use lines::{FASTEST_HZ, Fit, Fitter};
 use motion::Motion;
+pub use motion::PIECE_S;
 pub use score::in_plane_dps;
 use score::{beside_the_other, least_dps, off_deg, score};
 use std::ops::Range;

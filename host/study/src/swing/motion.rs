@@ -44,7 +44,7 @@ impl Motion {
 }
 
 /// Length of the pieces in which a stop is looked for, s.
-const PIECE_S: f64 = 3.0;
+pub const PIECE_S: f64 = 3.0;
 
 impl Motion {
     /// Returns when the swing ends, since the start of the part: from there on it is a fifth of what it was before.

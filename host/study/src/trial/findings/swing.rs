@@ -1,7 +1,7 @@
 //! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
 
 use super::{Rule, Section, frame};
-use crate::swing::{Cause, Label, Labelled, Swing as Swings, SwingSpeeds, label};
+use crate::swing::{Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label};
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
 use crate::trial::data::Data;
@@ -95,7 +95,7 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
             let frames: BTreeSet<&str> =
                 causes.iter().flat_map(|cause| alike(*cause, has_other_sense)).copied().collect();
             let all: Vec<String> =
-                causes.iter().map(Cause::to_string).chain(frames.into_iter().map(str::to_owned)).collect();
+                causes.iter().map(|cause| said(cause, data)).chain(frames.into_iter().map(str::to_owned)).collect();
             Ok(Some(format!("the robot does not swing as at {at}, but as if {}", either(&all))))
         }
         Label::HardlySwings(swing) => {
@@ -111,6 +111,18 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
         }
         Label::Right => Ok(None),
         Label::NotJudged(why) => Err(why),
+    }
+}
+
+/// Says a cause, with a time by the clock that the user knows.
+fn said(cause: &Cause, data: &Data) -> String {
+    match (cause, &data.records.import) {
+        (Cause::StopEarly { at_s }, Some(import)) if import.trial.is_empty() => {
+            let [from, before] = [data.times.run.start, *at_s].map(|time_s| time_s + import.start_s);
+            let (from, to) = (decimal(from, 2), (before - PIECE_S).floor());
+            format!("the motors stopped before {before:.0} s by the table's clock (try --run {from},{to})")
+        }
+        _ => cause.to_string(),
     }
 }
 
