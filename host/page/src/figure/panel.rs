@@ -166,6 +166,7 @@ mod tests {
         let texts: Vec<_> = ticks.iter().map(|tick| tick_text(*tick, &ticks)).collect();
         assert_eq!(texts, ["−0.1", "0.0", "0.1", "0.2"]);
         assert_eq!(Axis::new(0.0, 120.0, "").ticks(6.0), [0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0]);
+        assert_eq!(Axis::new(-0.4, 0.4, "").ticks(2.4), [-0.4, -0.2, 0.0, 0.2, 0.4], "no axis has one tick");
         assert_eq!(Axis::about([3.0, f64::NAN].into_iter(), 2.0, "").ticks(4.0), [2.0, 3.0, 4.0]);
     }
 

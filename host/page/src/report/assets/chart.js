@@ -64,7 +64,7 @@ biflag.Chart = class {
       scales: { x: { time: false }, y: { range: (_, low, high) => this.span(low, high) } },
       axes: [
         { ...axis, values: (_, values) => values.map((v) => v + " s"), space: 60, size: this.isOnPaper ? 20 : 30 },
-        { ...axis, values: sign, size: 52, space: this.isOnPaper ? 14 : this.isStrip ? 20 : 34 },
+        { ...axis, values: sign, size: 52, space: (_, _i, _low, _high, size) => Math.min(size / 4, this.isOnPaper ? 14 : this.isStrip ? 20 : 34) },
       ],
       cursor: {
         y: false,
