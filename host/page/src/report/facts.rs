@@ -1,7 +1,8 @@
 //! The provenance of a trial: plan, board, model, versions, and the files behind it.
 
 use super::parameters;
-use super::text::{clip, degrees, number, plain};
+use super::scroll::scrolled;
+use super::text::{clip, count, degrees, number, plain};
 use super::view::{ModelRobot, View};
 use biflag_log::{BoardMeta, Identity, ImportMeta};
 use maud::{Markup, html};
@@ -26,24 +27,24 @@ pub(super) fn facts(view: &View, shared: bool) -> Markup {
 /// The causes of uncertainty of the steady angles.
 fn budget(terms: &[AngleTerm]) -> Markup {
     let percent = |share: f64| format!("{} %", number(100.0 * share, 0));
-    html! {
-        details {
-            summary { "Uncertainty budget" }
-            table.facts {
-                tr { th { "angle" } th { "cause" } th { "type" } th { "standard uncertainty" } th { "share" } th { "common to" } }
-                @for AngleTerm { angle, term } in terms {
-                    tr {
-                        td { (angle) }
-                        td { (term.name) }
-                        td { (word(&term.evaluation)) }
-                        td { (degrees(term.u_deg, 3)) }
-                        td { (percent(term.share)) }
-                        td { (word(&term.common_to)) }
-                    }
-                }
+    let (shown, further): (Vec<_>, Vec<_>) = terms.iter().partition(|of_angle| of_angle.term.share >= 0.005);
+    let rows = html! {
+        @for AngleTerm { angle, term } in shown {
+            tr {
+                td { (angle) }
+                td { (term.name) }
+                td { (word(&term.evaluation)) }
+                td { (degrees(term.u_deg, 3)) }
+                td { (percent(term.share)) }
+                td { (word(&term.common_to)) }
             }
         }
-    }
+        @if !further.is_empty() {
+            tr { td {} td colspan="5" { (count(further.len(), "further cause", "further causes")) ", each below 0.5 %" } }
+        }
+    };
+    let heads = ["angle", "cause", "type", "standard uncertainty", "share", "common to"];
+    html! { details { summary { "Uncertainty budget" } (scrolled("Uncertainty budget", &heads, &rows)) } }
 }
 
 /// The files behind a trial. All trials of a session share them.

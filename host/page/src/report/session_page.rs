@@ -252,7 +252,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
                 thead { tr {
                     th scope="col" { button type="button" { "Trial" } }
                     (head("w1, rpm")) (head("w2, rpm"))
-                    (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
+                    (head("ψ, °")) @if columns.uncertainty { (head("± 95 % of ψ")) } (head("θ, °")) (head("φ, °"))
                     @if columns.compared {
                         // What a verdict speaks of; the other side's own angles are on the page of the trial.
                         @for head_of in ["error", "RMS"] { @for angle in ["ψ", "θ", "φ"] { (head(&format!("{head_of} {angle}"))) } }

@@ -87,6 +87,9 @@ fn about(view: &View, shared: bool) -> Markup {
                 span { (clip(created.split('.').next().unwrap_or(created), 40).replace('T', " ")) }
             }
             span { (number(view.duration_s, 1)) " s" }
+            // Without its tiles, a trial of a session has these on paper only here.
+            @let known = ["ψ", "θ", "φ"].into_iter().zip(view.uncertainties_deg()).filter_map(|(name, deg)| Some((name, deg?)));
+            @if shared { @for (name, deg) in known { span.paper-only { (name) " ± " (degrees(deg, 2)) } } }
             @if let Some((motor, after_s)) = reversal {
                 span { "motor " (motor) " reverses " (number(after_s, 1)) " s after the start of the run" }
             }
