@@ -131,9 +131,9 @@ fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>)
                     (tile("Steady error, yaw", &error(Some(steady[0])), &html! { "pitch " (error(Some(steady[1]))) ", RMS over the trials" }))
                 }
             }
-            @if !views.iter().all(|view| view.is_model()) {
+            @if views.iter().any(|view| view.is_recorded()) {
                 (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) " frames; " (count(link.retries, "retry", "retries")) }))
-            } @else {
+            } @else if views.iter().all(|view| view.is_model()) {
                 (tile("Samples", &link.samples.to_string(), &html! { "computed by the model" }))
             }
         }
@@ -243,7 +243,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
         charts: has_charts,
         uncertainty: any(|view| view.uncertainties_deg()[0].is_some()),
         compared: any(|view| view.comparison.is_some()),
-        link: any(|view| !view.is_model()),
+        link: any(View::is_recorded),
     };
     let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
     html! {

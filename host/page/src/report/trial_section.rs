@@ -111,7 +111,6 @@ pub(super) fn tile(name: &str, big: &str, small: &Markup) -> Markup {
 
 fn tiles(view: &View) -> Markup {
     let link = view.link;
-    let is_model = view.is_model();
     html! {
         dl.tiles {
             @if let Some(angles_deg) = view.steady_deg() {
@@ -127,7 +126,7 @@ fn tiles(view: &View) -> Markup {
             @if let Some(model) = &view.records.steady {
                 (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.values.get(&MIN_GAP) * 1e3, 1)) " mm in the " (model.gap_of()) }))
             }
-            @if !is_model {
+            @if view.is_recorded() {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
                     "of " (link.samples + link.lost) " frames; " (count(link.crc_errors, "CRC error", "CRC errors")) ", " (count(link.retries, "retry", "retries"))
                 }))

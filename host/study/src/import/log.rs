@@ -89,11 +89,13 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
         let reason = format!("the run lasts {} s, less than {MIN_RUN_S} s", run.end - run.start);
         return Err(ImportError::table(table, reason, "check the unit of the time, and the run"));
     }
-    let (preroll, decay) = (run.start - start, end - run.end);
+    // Differences of the table's times.
+    let rounded = |s: f64| (s * 1e6).round() / 1e6;
+    let [preroll, lasts, decay] = [run.start - start, run.end - run.start, end - run.end].map(rounded);
     let reverse = conditions.reverse.filter(|(_, after_s)| *after_s < run.end - run.start);
     let reverse = reverse
         .map_or_else(String::new, |(motor, after_s)| format!("\nreverse = {{ motor = {motor}, after = {after_s} }}"));
-    let lines = format!("calibrate = 0\npreroll = {preroll}\nrun = {}\ndecay = {decay}{reverse}", run.end - run.start);
+    let lines = format!("calibrate = 0\npreroll = {preroll}\nrun = {lasts}\ndecay = {decay}{reverse}");
     let plan = Plan::of_speeds(speeds, &lines, "")?;
     let plan = Plan { robot: conditions.robot.clone(), note: conditions.note.clone(), ..plan };
     output::check_new(path)?;
