@@ -13,7 +13,6 @@ use sim::steady::Kind;
 use sim::steady::phase::Ratio;
 use sim::step::InversesAtRest;
 use std::fmt::Write as _;
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -76,13 +75,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.within(begun.elapsed().as_secs_f64());
         !interrupted.load(Ordering::Relaxed)
     };
-    let solved = || {
-        let states = count(done.fetch_add(1, Ordering::Relaxed) + 1, "steady state");
-        progress.figures(&states);
-        if !std::io::stderr().is_terminal() {
-            progress.phase(&target.to_string(), &states);
-        }
-    };
+    let solved = || progress.figures(&count(done.fetch_add(1, Ordering::Relaxed) + 1, "steady state"));
     let at_rest = InversesAtRest::default();
     let model = Model { robot: &robot, at_rest: &at_rest, goes_on: &goes_on, until: None, solved: &solved };
     let aimed = aim::aim(&model, &known, &table, &target, Duration::from_secs_f64(args.longest_s));
