@@ -15,6 +15,7 @@ use sim::body::closure::Closure;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use system::shell::quoted;
 
 /// Fit parameters of the robot to recorded trials, with their uncertainties, and write a robot file.
 #[derive(clap::Args, Debug)]
@@ -92,7 +93,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
     output::write_new(&args.out, &calibrate::to_toml(&calibration))?;
     let is_good = calibration.is_sound() && are_slight(&calibration.findings);
-    let text = describe(&calibration, &args.out);
+    let mut text = describe(&calibration, &args.out);
+    let [log, robot] = [&args.logs[0], &args.out].map(|path| quoted(&path.to_string_lossy()));
+    let _ = write!(text, "\nnext: biflag compare {log} --robot {robot}");
     Ok(Answer::new(Outcome::of(is_good), &calibration, text)?.with("robot", args.out.to_string_lossy()))
 }
 
@@ -105,15 +108,16 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
         let _ = write!(text, "{:<10} {start:>11} {value:>11} {low:>11} to {high:>10}  {}", p.name, p.unit);
         let model =
             p.model_error.map_or_else(String::new, |error| format!("; ± {error:.1e} of it by the error of the model"));
-        text += &model;
-        text.push('\n');
+        text += &(model + "\n");
     }
     let mount = &calibration.mounting;
     let [pitch, roll] = [mount.pitch_deg, mount.roll_deg].map(|deg| text::decimal(deg, 2));
     let _ = writeln!(text, "sensor at rest: pitch {pitch}, roll {roll} deg");
-    let (before, after) = (calibration.rmse_before_deg, calibration.rmse_after_deg);
-    let trials = text::count(calibration.trials.len(), "trial");
-    let _ = writeln!(text, "RMSE {before:.3} deg before, {after:.3} deg after, over {trials}");
+    let Calibration { weighted: [before, after], rmse_before_deg, rmse_after_deg, trials, .. } = calibration;
+    let trials = text::count(trials.len(), "trial");
+    let misfit =
+        format!("weighted misfit {before:.3} before, {after:.3} after, in standard uncertainties, over {trials}");
+    let _ = writeln!(text, "{misfit}; RMSE {rmse_before_deg:.3} deg before, {rmse_after_deg:.3} deg after");
     let number = format!("condition number of the correlations {:.0}", calibration.condition_number);
     let _ = writeln!(text, "{number} (if large, the parameters are hardly separable)");
     for LogFinding { log, finding } in &calibration.findings {

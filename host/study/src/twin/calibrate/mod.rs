@@ -156,6 +156,7 @@ fn fit(
         parameters: estimates,
         condition_number: eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE),
         correlations: rows(&correlations),
+        weighted: [&errors_before, &errors].map(|all| weights.whiten(all).norm() / (weights.count() as f64).sqrt()),
         rmse_before_deg,
         rmse_after_deg,
         mounting: mounting(&trials),
