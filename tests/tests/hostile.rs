@@ -64,7 +64,9 @@ fn faults_are_listed_and_a_wrong_one_is_wrong_use() {
     let bench = Bench::new();
     let list = record(&bench, "help").expect_code(0).json();
     assert!(list["faults"].as_str().unwrap().contains("encoder-swapped=MOTOR"), "{list}");
-    for (fault, problem) in [("jam", "no fault is called \"jam\""), ("blocked=3", "MOTOR must be from 1 to 2, not 3")] {
+    for (fault, problem) in
+        [("jam", "`biflag record --fault help` lists them"), ("blocked=3", "MOTOR must be from 1 to 2, not 3")]
+    {
         assert!(record(&bench, fault).expect_code(2).stderr.contains(problem), "{fault}");
     }
     let plan = bench.short_plan(1.0, [0.0, 0.0]);

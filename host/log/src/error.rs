@@ -54,7 +54,7 @@ pub enum LogError {
     NothingLeft { path: PathBuf },
     /// The file is of another kind.
     #[error("{}: is not an MCAP file", path.display())]
-    #[diagnostic(code(wrong_use), help("name a log: one of the .mcap files in a session folder"))]
+    #[diagnostic(code(wrong_use), help("name a log, a .mcap file in a session folder; `biflag import` makes one"))]
     NotMcap { path: PathBuf },
     /// The file is an MCAP file of another program.
     #[error("{}: is an MCAP file, but not a biflag log", path.display())]

@@ -57,7 +57,7 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
     VirtualNano::start(&program, arguments).map_err(|error| match error {
         // The board's program checks the values of its own options.
         VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {
-            let problem = reason.lines().next().unwrap_or_default();
+            let problem = reason.lines().next().unwrap_or_default().replace("vnano --fault", "biflag record --fault");
             miette::miette!(code = WRONG_USE, "{problem}")
         }
         other => other.into(),

@@ -134,8 +134,8 @@ impl Table {
         let mut reader =
             format.delimiter(delimiter(&text)).comment(Some(b'#')).has_headers(false).from_reader(text.as_bytes());
         for record in reader.records() {
-            let record = record
-                .map_err(|error| ImportError::table(&name, error.to_string(), "name a table in the format CSV"))?;
+            let help = "decimal commas? write points, or separate columns with ;. Lines before the table? --skip leaves them out";
+            let record = record.map_err(|error| ImportError::table(&name, error.to_string(), help))?;
             let line = record.position().map_or(0, |position| line_of(text.as_bytes(), position));
             rows.push((line, record.iter().map(|cell| cell.trim().to_owned()).collect::<Vec<_>>()));
         }

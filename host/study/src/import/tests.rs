@@ -254,6 +254,7 @@ fn what_cannot_be_imported_is_said() {
             rows(&["0,0,0,0,0", "1,fast,0,0,0"]),
             "line 3: \"fast\" for yaw is not a number",
         ),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,1,5,0,0"]), "decimal commas? write points"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "0,0,0,0,0"]), "line 3: the time 0 s follows 0 s"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,170,0,0", "1,0,0,0,0"]), "check the units"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,1,0,0", "1,0,359,359.9,0"]), "angles from 0 to 360 are folded"),
@@ -266,7 +267,7 @@ fn what_cannot_be_imported_is_said() {
         let csv = folder.path().join("a.csv");
         std::fs::write(&csv, &text).unwrap();
         let log = folder.path().join("a.mcap");
-        let states = Table::read(&csv, 0).unwrap().states(&columns.parse().unwrap());
+        let states = Table::read(&csv, 0).and_then(|table| table.states(&columns.parse().unwrap()));
         let error = states.and_then(|states| write(&states, &conditions(), "a.csv", &log)).unwrap_err();
         let said = format!("{error}; {}", error.help().map_or_else(String::new, |help| help.to_string()));
         assert!(said.contains(why) && error.is_wrong_use(), "{why}: {said}");

@@ -46,7 +46,11 @@ impl FromStr for Sensor {
         match text {
             "ideal" => Ok(Self::Ideal),
             "typical" => Ok(Self::Typical),
-            path => sensor_file::read(Path::new(path)).map(|errors| Self::Given(Box::new(errors))),
+            path => sensor_file::read(Path::new(path)).map(|errors| Self::Given(Box::new(errors))).map_err(|problem| {
+                let is_alike = |name: &&str| path.starts_with(&name[..1]) && !path.contains('.');
+                let alike = ["ideal", "typical"].into_iter().find(is_alike);
+                problem + &alike.map_or_else(String::new, |name| format!("; did you mean {name}?"))
+            }),
         }
     }
 }
@@ -59,6 +63,7 @@ mod tests {
     fn a_sensor_is_a_name_or_a_file() {
         assert_eq!("typical".parse(), Ok(Sensor::Typical));
         assert_eq!("ideal".parse(), Ok(Sensor::Ideal));
+        assert!("idael".parse::<Sensor>().is_err_and(|problem| problem.ends_with("; did you mean ideal?")));
         assert!("/nowhere.toml".parse::<Sensor>().is_err_and(|problem| problem.starts_with("/nowhere.toml: ")));
     }
 }
