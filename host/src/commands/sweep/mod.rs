@@ -10,7 +10,7 @@ use super::answer::{Answer, Outcome, wrong_use};
 use super::options::cores;
 use crate::session;
 use crate::signals::interruption;
-use crate::sweep::{self, Folder, Missing, Shard, SweepError, SweepPlan};
+use crate::sweep::{self, Counts, Folder, Missing, Shard, SweepError, SweepPlan};
 use crate::text::count;
 use args::{Action, SlurmArgs};
 use miette::{IntoDiagnostic, WrapErr};
@@ -67,16 +67,11 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
 
 fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
-    let merged = folder.merge(missing)?;
-    let mut swept = swept(&folder, merged.done, merged.failed, &merged.damaged);
+    let (merged, counts) = (folder.merge(missing)?, folder.counts(Shard::ALL)?);
+    let mut swept = swept(&folder, &counts);
     if merged.different > 0 {
         let points = count(merged.different as usize, "point");
         swept.warnings.push(format!("{points} computed twice with different results, which is an error: one is kept"));
-    }
-    if merged.not_found > 0 {
-        let points = count(merged.not_found as usize, "point");
-        let what = "of which no steady state was found in `run` seconds: their means are not known (`kind`)";
-        swept.notes.push(format!("{points}, {what}"));
     }
     swept.answer(path)
 }
@@ -84,7 +79,7 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
 fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
     let counts = folder.counts(Shard::ALL)?;
-    let swept = swept(&folder, counts.done.count(), counts.failed.count(), &counts.parts.damaged);
+    let swept = swept(&folder, &counts);
     let missing = swept.missing as f64;
     let time_left_s = if missing == 0.0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing / rate) };
     let reasons = if failed { Some(folder.reasons()?) } else { None };
@@ -94,12 +89,12 @@ fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answ
 }
 
 /// Returns how much of a sweep is done, and which of its tables are written.
-fn swept(folder: &Folder, done: u64, failed: u64, damaged: &[PathBuf]) -> Swept {
+fn swept(folder: &Folder, counts: &Counts) -> Swept {
     let written = |file: PathBuf| file.exists().then(|| file.display().to_string());
-    let points = folder.sweep.plan.points();
+    let (points, done) = (folder.sweep.plan.points(), counts.done.count());
     let missing = points - done;
     // What was lost with a part may have been computed again.
-    let damaged = damaged.iter().filter(|_| missing > 0);
+    let damaged = counts.parts.damaged.iter().filter(|_| missing > 0);
     let warning = |part: &PathBuf| format!("{}: cut off or damaged, its remaining points are missing", part.display());
     Swept {
         table: written(sweep::parquet_path(&folder.path)),
@@ -108,9 +103,9 @@ fn swept(folder: &Folder, done: u64, failed: u64, damaged: &[PathBuf]) -> Swept 
         points,
         done,
         missing,
-        failed,
+        failed: counts.failed.count(),
         warnings: damaged.map(warning).collect(),
-        notes: folder.sweep.notes(),
+        notes: folder.sweep.notes().into_iter().chain(folder.sweep.note_on_not_found(&counts.not_found)).collect(),
     }
 }
 

@@ -19,6 +19,7 @@ use super::part::{self, PartReader};
 use super::point::{Points, Shard, Sweep};
 use super::{RESULTS, SweepError, SweepPlan};
 use crate::plan::RobotFile;
+use sim::steady::Kind;
 use std::path::{Path, PathBuf};
 
 /// The folder of a sweep.
@@ -37,6 +38,8 @@ pub struct Counts {
     pub done: Points,
     /// The failed points.
     pub failed: Points,
+    /// The points whose means are not known.
+    pub not_found: Points,
     /// State of the parts.
     pub parts: Parts,
 }
@@ -56,6 +59,9 @@ impl Counts {
         let is_new = self.done.add(index);
         if is_new && outcome.is_failed() {
             self.failed.add(index);
+        }
+        if is_new && outcome.steady().is_some_and(|steady| steady.kind == Kind::NotFound) {
+            self.not_found.add(index);
         }
         is_new
     }
@@ -124,7 +130,7 @@ impl Folder {
     /// A part cannot be read.
     pub fn counts(&self, shard: Shard) -> Result<Counts, SweepError> {
         let none = Points::none(self.sweep.plan.points());
-        let mut counts = Counts { done: none.clone(), failed: none, parts: Parts::default() };
+        let mut counts = Counts { done: none.clone(), failed: none.clone(), not_found: none, parts: Parts::default() };
         counts.parts = self.read(|_, record| {
             if shard.has(&record.name) {
                 counts.add(record.index, &record.outcome);

@@ -6,7 +6,7 @@
 //! memory grows little with the number of points.
 
 use super::buckets::Buckets;
-use super::compute::{Origin, Outcome, Record};
+use super::compute::{Origin, Record};
 use super::folder::{Folder, Parts};
 use super::point::{Name, Points};
 use super::table::{cost_table, table};
@@ -14,7 +14,6 @@ use super::{SweepError, cost_path, csv_path, parquet_path};
 use crate::export::table::Table;
 use crate::export::{csv, parquet};
 use biflag_log::atomic_file;
-use sim::steady::Kind;
 use std::collections::HashMap;
 use std::io::{Error, Write};
 use std::path::PathBuf;
@@ -38,8 +37,6 @@ pub struct Merged {
     pub done: u64,
     /// Number of rows of failed points.
     pub failed: u64,
-    /// Number of rows whose means are not known.
-    pub not_found: u64,
     /// Number of points computed several times with different results, which should not be.
     /// The table has one of these results, chosen by its bytes.
     pub different: u64,
@@ -49,9 +46,7 @@ pub struct Merged {
 
 impl Merged {
     fn count(&mut self, records: &[Record]) {
-        let are = |of: fn(&Outcome) -> bool| records.iter().filter(|record| of(&record.outcome)).count() as u64;
-        self.failed += are(Outcome::is_failed);
-        self.not_found += are(|outcome| outcome.steady().is_some_and(|steady| steady.kind == Kind::NotFound));
+        self.failed += records.iter().filter(|record| record.outcome.is_failed()).count() as u64;
     }
 }
 

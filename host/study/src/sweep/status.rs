@@ -2,7 +2,9 @@
 
 use super::SweepError;
 use super::folder::{Counts, Folder};
-use super::point::{Points, Shard};
+use super::key::Key;
+use super::point::{Point, Points, Shard, Sweep};
+use crate::text::count;
 use std::collections::BTreeMap;
 
 /// The progress of a shard.
@@ -62,6 +64,22 @@ impl Folder {
         let mut reasons: Vec<_> = reasons.into_values().collect();
         reasons.sort_by_key(|reason| std::cmp::Reverse(reason.points));
         Ok(reasons)
+    }
+}
+
+impl Sweep {
+    /// Returns a note on points whose means are not known, with the first of them.
+    pub fn note_on_not_found(&self, points: &Points) -> Option<String> {
+        let text = |index: u64| {
+            let Point { speeds_rpm: [w1, w2], values, .. } = self.point(index);
+            let values = self.plan.axes.iter().zip(values).filter(|(axis, _)| !matches!(axis.key, Key::Speed(_)));
+            let values: String = values.map(|(axis, value)| format!(", {} {value}", axis.key.name())).collect();
+            format!("({w1}, {w2}) rpm{values}")
+        };
+        let named: Vec<_> = (0..self.plan.points()).filter(|index| points.has(*index)).take(3).map(text).collect();
+        let (number, named) = (count(points.count() as usize, "point"), named.join("; "));
+        let what = "of which no steady state was found in `run` seconds: their means are not known (`kind`)";
+        (!named.is_empty()).then(|| format!("{number}, {what}, as at {named}"))
     }
 }
 
