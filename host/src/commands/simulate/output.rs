@@ -30,6 +30,13 @@ pub fn real_time(begun: Instant, simulated_s: f64) -> (Option<f64>, String) {
     (factor, factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time")))
 }
 
+/// Says how many trials were computed, and of how many the solver failed, by whether each was.
+pub fn tally(verb: &str, are_ok: impl Iterator<Item = bool>) -> String {
+    let (ok, failed): (Vec<bool>, Vec<bool>) = are_ok.partition(|is_ok| *is_ok);
+    let failed = if failed.is_empty() { String::new() } else { format!(", {} failed", failed.len()) };
+    format!("{} {verb}{failed}", text::count(ok.len(), "trial"))
+}
+
 /// A trial, or all trials at a pair of speeds that start at different phases.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]

@@ -3,7 +3,7 @@
 use super::super::answer::{Answer, Outcome, WRONG_USE, wrong_use};
 use super::super::options::cores;
 use super::args::Args;
-use super::output::{Row, Simulated, SimulatedTrial, real_time};
+use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial, note_on_grid};
 use crate::program;
@@ -68,7 +68,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let notes: Vec<_> =
         note_on_phases(&session.plan().trials, means).into_iter().chain(note_on_grid(&session.plan().text)).collect();
     let mut text: String = trials.iter().filter_map(Row::mean).map(|mean| format!("{mean}\n")).collect();
-    text += &format!("session {}: {} computed{speed}{rest}", folder.display(), text::count(done, "trial"));
+    let computed = tally("computed", runs.iter().map(|run| run.result.is_ok()));
+    text += &format!("session {}: {computed}{speed}{rest}", folder.display());
     text.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials, notes }, text)
 }

@@ -4,11 +4,10 @@ use super::super::answer::{Answer, Outcome};
 use super::super::findings::{are_slight, lines_of_logs};
 use super::super::options::cores;
 use super::args::Args;
-use super::output::{Row, Simulated, SimulatedTrial, real_time};
+use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
 use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
-use crate::text;
 use crate::trial::{LogFinding, Want};
 use crate::twin::{self, Replayed, Replays, Source};
 use sim::trial::Options;
@@ -56,8 +55,8 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
         Outcome::of(replays.skipped.is_empty() && replayed().all(settled) && are_slight(&findings))
     };
     let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
-    let count = computed.count();
-    let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
+    let replays_made = tally("replayed", computed.map(|trial| trial.result.is_ok()));
+    let mut lines = format!("session {}: {replays_made}{speed}{rest}", folder.display());
     lines += &lines_of_logs(&findings);
     lines.extend(replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason)));
     let notes = replays.notes();
