@@ -87,6 +87,10 @@ pub struct Labelled<'a> {
 }
 
 impl Labelled<'_> {
+    fn fastest_rpm(&self) -> f64 {
+        self.rpm[0].abs().max(self.rpm[1].abs())
+    }
+
     /// Returns whether a cause is no more than a right label may be off.
     fn allows(&self, cause: Cause) -> bool {
         match cause {
@@ -138,6 +142,38 @@ pub enum Label {
     NotJudged(&'static str),
 }
 
+/// What keeps two motors of a label from being told apart.
+struct Doubts {
+    /// Length of the motion, s.
+    length_s: f64,
+    /// The lines of two motors of one sense fall together.
+    are_near: bool,
+    /// So do those of two motors of any senses.
+    are_alike: bool,
+    /// They may, where the label is hardly known: its speeds may be each other's.
+    may_be_alike: bool,
+    is_noisy: bool,
+}
+
+impl Doubts {
+    fn of(trial: &Labelled, motion: &Motion) -> Self {
+        let near = |rpm: [f64; 2]| is_near(rpm, motion.length_s);
+        let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
+        Self {
+            length_s: motion.length_s,
+            are_near: near(trial.rpm),
+            are_alike: near(trial.rpm.map(f64::abs)),
+            may_be_alike: apart_rpm < 3.0 * (trial.off.0 * trial.fastest_rpm() + trial.off.1),
+            is_noisy: motion.angle_variance > NOISY_DEG * NOISY_DEG,
+        }
+    }
+}
+
+/// Returns whether the lines of two speeds fall together.
+fn is_near(rpm: [f64; 2], length_s: f64) -> bool {
+    (rpm[0] - rpm[1]).abs() / 60.0 * length_s < 1.0
+}
+
 /// Returns what a motion says of its label.
 pub fn label(trial: &Labelled) -> Label {
     let Some(motion) = Motion::of(trial.angles_deg, trial.settled_s.clone()) else {
@@ -148,92 +184,66 @@ pub fn label(trial: &Labelled) -> Label {
         return Label::Wrong(vec![Cause::StopEarly { at_s }]);
     }
     let fitter = Fitter::new(&motion);
-    let is_near = |rpm: [f64; 2]| (rpm[0] - rpm[1]).abs() / 60.0 * motion.length_s < 1.0;
-    let are_near = is_near(trial.rpm);
-    let are_alike = is_near(trial.rpm.map(f64::abs));
-    let fastest_rpm = trial.rpm[0].abs().max(trial.rpm[1].abs());
-    let least = least_dps(fastest_rpm.min(FASTEST_RPM));
-    let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
-    let end_s = trial.settled_s.end;
-    let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
-    let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
-    let is_noisy = motion.angle_variance > NOISY_DEG * NOISY_DEG;
-    // Speeds that are hardly known may be each other's.
-    let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
-    let may_be_alike = apart_rpm < 3.0 * (trial.off.0 * fastest_rpm + trial.off.1);
-    match hardly_swings(at_the_end, 1.0) {
-        [_, true] if trial.has_yaw_alone && !may_be_alike => return Label::HardlySwings(Swing::Yaw),
-        _ if trial.has_yaw_alone => return Label::NotJudged("not all angles are measured"),
-        [true, true] => return Label::HardlySwings(Swing::Whole),
-        _ => {}
-    }
-    // The swings of alike motors may cancel in the plane, or about z.
-    if !may_be_alike && !are_alike && !is_noisy {
-        match hardly_swings(fitter.swing_dps(), ONE_SWING) {
-            [true, _] => return Label::HardlySwings(Swing::Tilt),
-            [_, true] => return Label::HardlySwings(Swing::Yaw),
-            _ => {}
-        }
+    let doubts = Doubts::of(trial, &motion);
+    if let Some(missing) = missing_swing(trial, &fitter, &doubts) {
+        return missing;
     }
     let found = fitter.strongest(SHAKING, FASTEST_HZ);
     let fitter = fitter.without_shaking(&found);
     let readings = Readings { fitter: &fitter, trial };
-    let (label, is_lost) = match readings.at(trial.rpm, 3) {
-        Some((label, fit)) => (label, fit.left.iter().all(|left| *left > LOST)),
+    let fastest_rpm = trial.fastest_rpm();
+    let (score, is_lost) = match readings.at(trial.rpm, 3) {
+        Some((score, fit)) => (score, fit.left.iter().all(|left| *left > LOST)),
         None if fastest_rpm > FASTEST_RPM => (TOO_FAST, false),
         None => return Label::NotJudged("the label's lines fall together"),
     };
-    if is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
+    if doubts.is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
-    let is_vague = may_be_alike && trial.off.0 > WELL_KNOWN;
-    let is_blurred = is_noisy || is_vague || may_be_alike && motion.length_s < 30.0;
-    // All roughly, the best exactly.
-    let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
-    let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
-        let is_alike = match cause {
-            Cause::Swapped | Cause::Reversed => are_alike || is_vague,
-            Cause::Sign(_) => is_vague,
-            _ => false,
-        };
-        !(is_alike || is_blurred && cause.is_of_one() || trial.hides(rpm))
-    });
-    let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((readings.at(rpm, 0)?.0, cause, rpm))).collect();
-    rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-    rough.truncate(REFINED);
-    let exact = rough.into_iter().filter_map(|(_, cause, rpm)| {
-        let (score, fit) = readings.at(rpm, 3)?;
-        // Two motors of one sense whose lines fall together may swing against each other, and leave other lines.
-        let may_hide = are_near && (is_near(rpm) || cause.is_of_one());
-        if are_near && cause.is_of_one() && trial.touches {
-            return None;
-        }
-        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
-        let is_explained = (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT))
-            && !(cause.is_of_one() && fit.hides_one());
-        let is_hard =
-            cause.is_of_one() && are_alike || trial.touches && (cause.is_of_one() || cause.is_mixed() || !is_clear);
-        let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
-        let cause = with_factor(cause, trial.rpm, &fit);
-        (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause, rpm))
-    });
-    let mut exact: Vec<(f64, Cause, [f64; 2])> = exact.collect();
-    exact.sort_by(|a, b| b.0.total_cmp(&a.0));
-    match exact.first() {
-        Some(&(by, ..)) => {
-            exact.retain(|other| other.0 > by - ALIKE);
-            // A usual mistake says more than its speeds.
-            let is_usual = |rpm: [f64; 2]| {
-                let is_same = |usual: [f64; 2]| (0..2).all(|k| (usual[k] - rpm[k]).abs() < 0.03 * rpm[k].abs() + 0.5);
-                exact.iter().any(|(_, cause, usual)| !matches!(cause, Cause::Other(_)) && is_same(*usual))
-            };
-            let said = exact.iter().filter(|(_, cause, rpm)| !matches!(cause, Cause::Other(_)) || !is_usual(*rpm));
-            Label::Wrong(said.map(|(_, cause, _)| *cause).collect())
-        }
-        None if trial.rpm.iter().all(|rpm| rpm.abs() < SLOWEST_RPM) => Label::NotJudged("both motors are slow"),
-        None if is_lost && !is_noisy => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
-        None => Label::Right,
+    let better = readings.better_than(score, &doubts);
+    match better[..] {
+        [] if fastest_rpm < SLOWEST_RPM => Label::NotJudged("both motors are slow"),
+        [] if is_lost && !doubts.is_noisy => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
+        [] => Label::Right,
+        _ => Label::Wrong(said(&better)),
     }
+}
+
+/// Returns what a motion says that lacks a swing, if it does: in all angles at the end of the run, or in some of them.
+fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<Label> {
+    let least = least_dps(trial.fastest_rpm().min(FASTEST_RPM));
+    let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
+    let end_s = trial.settled_s.end;
+    let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
+    let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
+    match hardly_swings(at_the_end, 1.0) {
+        [_, true] if trial.has_yaw_alone && !doubts.may_be_alike => return Some(Label::HardlySwings(Swing::Yaw)),
+        _ if trial.has_yaw_alone => return Some(Label::NotJudged("not all angles are measured")),
+        [true, true] => return Some(Label::HardlySwings(Swing::Whole)),
+        _ => {}
+    }
+    // The swings of alike motors may cancel in the plane, or about z.
+    match hardly_swings(fitter.swing_dps(), ONE_SWING) {
+        _ if doubts.may_be_alike || doubts.are_alike || doubts.is_noisy => None,
+        [true, _] => Some(Label::HardlySwings(Swing::Tilt)),
+        [_, true] => Some(Label::HardlySwings(Swing::Yaw)),
+        _ => None,
+    }
+}
+
+/// A cause that explains a motion better than its label: by how much, and the speeds.
+type Better = (f64, Cause, [f64; 2]);
+
+/// Returns which causes are said, of some in the order of how much better they are.
+fn said(better: &[Better]) -> Vec<Cause> {
+    let best: Vec<&Better> = better.iter().filter(|other| other.0 > better[0].0 - ALIKE).collect();
+    let is_other = |cause: Cause| matches!(cause, Cause::Other(_));
+    // A usual mistake says more than its speeds.
+    let is_usual = |rpm: [f64; 2]| {
+        let is_same = |usual: [f64; 2]| (0..2).all(|k| (usual[k] - rpm[k]).abs() < 0.03 * rpm[k].abs() + 0.5);
+        best.iter().any(|(_, cause, usual)| !is_other(*cause) && is_same(*usual))
+    };
+    best.iter().filter(|(_, cause, rpm)| !is_other(*cause) || !is_usual(*rpm)).map(|(_, cause, _)| *cause).collect()
 }
 
 /// Returns the speeds (rpm) near those of a label with their 95 % uncertainties, of motors that nothing else measures: in the whole
@@ -296,6 +306,48 @@ struct Readings<'a> {
 }
 
 impl Readings<'_> {
+    /// Returns the causes that explain the motion better than the label by a margin, the best one first.
+    fn better_than(&self, label: f64, doubts: &Doubts) -> Vec<Better> {
+        let trial = self.trial;
+        let is_vague = doubts.may_be_alike && trial.off.0 > WELL_KNOWN;
+        let is_blurred = doubts.is_noisy || is_vague || doubts.may_be_alike && doubts.length_s < 30.0;
+        // All roughly, the best exactly.
+        let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
+        let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
+            let is_alike = match cause {
+                Cause::Swapped | Cause::Reversed => doubts.are_alike || is_vague,
+                Cause::Sign(_) => is_vague,
+                _ => false,
+            };
+            !(is_alike || is_blurred && cause.is_of_one() || trial.hides(rpm))
+        });
+        let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((self.at(rpm, 0)?.0, cause, rpm))).collect();
+        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        rough.truncate(REFINED);
+        let exact = rough.into_iter().filter_map(|(_, cause, rpm)| self.exactly(cause, rpm, label, doubts));
+        let mut exact: Vec<Better> = exact.collect();
+        exact.sort_by(|a, b| b.0.total_cmp(&a.0));
+        exact
+    }
+
+    /// Returns a cause if it explains the motion better than the label by its margin.
+    fn exactly(&self, cause: Cause, rpm: [f64; 2], label: f64, doubts: &Doubts) -> Option<Better> {
+        let (trial, is_of_one) = (self.trial, cause.is_of_one());
+        let (score, fit) = self.at(rpm, 3)?;
+        // Two motors of one sense whose lines fall together may swing against each other, and leave other lines.
+        let may_hide = doubts.are_near && (is_near(rpm, doubts.length_s) || is_of_one);
+        if doubts.are_near && is_of_one && trial.touches {
+            return None;
+        }
+        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
+        let is_explained =
+            (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT)) && !(is_of_one && fit.hides_one());
+        let is_hard = is_of_one && doubts.are_alike || trial.touches && (is_of_one || cause.is_mixed() || !is_clear);
+        let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
+        let cause = with_factor(cause, trial.rpm, &fit);
+        (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause, rpm))
+    }
+
     /// Returns the best score of speeds near these, and its fit.
     fn at(&self, rpm: [f64; 2], steps: usize) -> Option<(f64, Fit)> {
         let length_s = self.fitter.length_s();
