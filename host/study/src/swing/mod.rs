@@ -22,6 +22,7 @@ use motion::Motion;
 pub use motion::PIECE_S;
 pub use score::in_plane_dps;
 use score::{beside_the_other, least_dps, off_deg, score};
+use sim::functions::hypot;
 use std::ops::Range;
 
 /// A cause is named where its score is better than the label's by this.
@@ -36,6 +37,12 @@ const ONE_SWING: f64 = 0.5;
 
 /// Usual swing of a motor by that of the other one, below which nothing is said of it alone.
 const HIDDEN: f64 = 0.075;
+
+/// Share by which the speed of a motor without encoder may differ between the end of a run and the whole, 95 %.
+const WANDER_OF_PART: f64 = 0.05;
+
+/// Share by which its mean may be off because it wanders, 95 %.
+const WANDER: f64 = 0.005;
 
 /// A label that may be off by a larger share is none of a board's encoders.
 const WELL_KNOWN: f64 = 0.02;
@@ -247,11 +254,13 @@ fn said(better: &[Better]) -> Vec<Cause> {
 }
 
 /// Returns the speeds (rpm) near those of a label with their 95 % uncertainties, of motors that nothing else measures: in the whole
-/// part, or where they wander too much in its end.
+/// part, or where they wander too much in its end, which may not be as fast as the whole.
 fn near_label(trial: &Labelled) -> Option<[(f64, f64); 2]> {
-    let end_s = trial.settled_s.end;
-    [trial.settled_s.start, end_s - blind::PART_S].into_iter().find_map(|start_s| {
-        let motion = Motion::of(trial.angles_deg, start_s.max(trial.settled_s.start)..end_s)?;
+    let Range { start, end } = trial.settled_s;
+    let parts_s = [start, start.max(end - blind::PART_S)].map(|from_s| from_s..end);
+    parts_s.into_iter().find_map(|part_s| {
+        let share = if part_s.start > start { WANDER_OF_PART } else { 0.0 };
+        let motion = Motion::of(trial.angles_deg, part_s)?;
         let fitter = Fitter::new(&motion);
         let found = fitter.strongest(SHAKING, FASTEST_HZ);
         let fitter = fitter.without_shaking(&found);
@@ -260,7 +269,7 @@ fn near_label(trial: &Labelled) -> Option<[(f64, f64); 2]> {
         let u = blind::uncertainty_rpm(&fitter, &fit, motion.length_s);
         let are_told = (0..2).all(|k| trial.rpm[k] == 0.0 || u[k] < blind::MOST_RPM);
         (are_seen && are_told && !fit.hides_one() && fit.left.iter().all(|left| *left < MOST_LEFT))
-            .then(|| [0, 1].map(|k| (fit.hz[k] * 60.0, u[k])))
+            .then(|| [0, 1].map(|k| (fit.hz[k] * 60.0, hypot(u[k], share * fit.hz[k] * 60.0))))
     })
 }
 
@@ -268,6 +277,14 @@ impl SwingSpeeds {
     /// Returns the speeds of a trial whose label only nears them, if the motion tells them.
     pub(crate) fn near(trial: &Labelled) -> Option<Self> {
         near_label(trial).map(Self::told)
+    }
+
+    /// Returns the speeds as those of motors without encoders, which wander.
+    pub(crate) fn that_wander(mut self) -> Self {
+        let widened = |rpm: Option<f64>, u: Option<f64>| Some(hypot(u?, WANDER * rpm?));
+        self.measured_w1_uncertainty_rpm = widened(self.measured_w1_rpm, self.measured_w1_uncertainty_rpm);
+        self.measured_w2_uncertainty_rpm = widened(self.measured_w2_rpm, self.measured_w2_uncertainty_rpm);
+        self
     }
 }
 

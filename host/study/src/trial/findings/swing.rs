@@ -68,10 +68,8 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
 pub(crate) fn speeds_without_encoders<'a>(data: &Data, zeroed: &Zeroed, steady: &'a Steady) -> &'a SwingSpeeds {
     steady.measured.get_or_init(|| {
         let alone = SwingSpeeds::of(&zeroed.angles_deg, steady.swing_s.clone());
-        match alone.not_measured.and_then(|_| SwingSpeeds::near(&labelled(data, zeroed).ok()?)) {
-            Some(near) => near,
-            None => alone,
-        }
+        let near = alone.not_measured.and_then(|_| SwingSpeeds::near(&labelled(data, zeroed).ok()?));
+        near.unwrap_or(alone).that_wander()
     })
 }
 
