@@ -84,7 +84,7 @@ fn log_prior(scaled: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::synthetic::Random;
+    use crate::sensor::tests::Random;
 
     const ANGLE_WALK: f64 = 0.005;
     const BIN_S: f64 = 0.1;

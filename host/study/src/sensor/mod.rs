@@ -12,6 +12,7 @@
 //! body's by small angles, the mounting: attitude_read = attitude · rotation(mounting).
 
 mod bias_noise;
+mod error;
 mod file;
 mod gravity;
 mod least_squares;
@@ -21,15 +22,16 @@ mod poses;
 mod reading;
 mod still;
 #[cfg(test)]
-mod synthetic;
+mod tests;
 mod turn;
 
+pub use error::NotMeasured;
 pub use file::{AXES, FILE_NAME, MeasuredSensor};
 pub use parameter::{GROUPS, Group, PARAMETERS, index};
-pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
+pub use poses::{PoseStep, PosesResult, PosesWatch};
 pub use reading::RawReading;
-pub use still::{AxisNoise, StillError, StillResult, StillWatch};
-pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
+pub use still::{AxisNoise, StillResult, StillWatch};
+pub use turn::{TurnPlan, TurnResult, TurnStep, TurnWatch};
 
 use crate::attitude::BiasNoise;
 use nalgebra::{UnitQuaternion, Vector3};

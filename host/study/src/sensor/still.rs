@@ -7,11 +7,9 @@
 
 use super::file::{AXES, MeasuredSensor};
 use super::reading::{Mean, Motion, RawReading, Rests};
-use super::{Estimate, bias_noise};
+use super::{Estimate, NotMeasured, bias_noise};
 use crate::statistics::{Line, extremes};
-use miette::Diagnostic;
 use sim::functions::{ln, powi};
-use thiserror::Error;
 
 /// Length of a bin, s.
 const BIN_S: f64 = 0.1;
@@ -31,24 +29,6 @@ const LEAST_KELVIN: f64 = 1.0;
 
 /// Longest wait for the sensor to come to rest, s.
 const PATIENCE_S: f64 = 60.0;
-
-/// Why the rest cannot be used.
-#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
-pub enum StillError {
-    /// The sensor moved.
-    #[error("the sensor moved after {after_s:.0} of {seconds:.0} s")]
-    #[diagnostic(help("lay it where nobody walks or works, away from fans, and start again"))]
-    Moved { after_s: f64, seconds: f64 },
-    /// The sensor never came to rest.
-    #[error("the sensor was not still within {PATIENCE_S:.0} s")]
-    #[diagnostic(help("put it on a table that does not shake, and start again"))]
-    NeverStill,
-    /// The rest is too short.
-    #[error("{seconds:.0} s at rest are too short")]
-    #[diagnostic(help("give at least 30 s; 600 s and more tell the instability of the bias"))]
-    TooShort { seconds: f64 },
-}
 
 /// Follows the rest as the readings come in.
 #[derive(Clone, Debug)]
@@ -71,21 +51,24 @@ impl StillWatch {
     /// Adds a reading. Returns the remaining time, s; 0 at the end.
     ///
     /// # Errors
-    /// [`StillError`].
-    pub fn push(&mut self, reading: &RawReading) -> Result<f64, StillError> {
+    /// [`NotMeasured`] if the sensor moved, or was never still.
+    pub fn push(&mut self, reading: &RawReading) -> Result<f64, NotMeasured> {
         let first_s = *self.first_s.get_or_insert(reading.time_s);
         let motion = self.rests.push(reading);
         let Some(begun_s) = self.begun_s else {
             if self.rests.is_resting() && self.rests.rest().length_s() > 1.0 {
                 self.begun_s = Some(reading.time_s);
             } else if reading.time_s - first_s > PATIENCE_S {
-                return Err(StillError::NeverStill);
+                let what = format!("the sensor was not still within {PATIENCE_S:.0} s");
+                return Err(NotMeasured::new(what, "put it on a table that does not shake, and start again"));
             }
             return Ok(self.seconds);
         };
         let length_s = reading.time_s - begun_s;
         if motion == Motion::Moving {
-            return Err(StillError::Moved { after_s: length_s, seconds: self.seconds });
+            let what = format!("the sensor moved after {length_s:.0} of {:.0} s", self.seconds);
+            let cure = "lay it where nobody walks or works, away from fans, and start again";
+            return Err(NotMeasured::new(what, cure));
         }
         // Bins without a reading repeat the last one, so that the time stays right.
         while length_s >= (self.bins.len() + 1) as f64 * BIN_S {
@@ -100,13 +83,16 @@ impl StillWatch {
     /// Returns the result.
     ///
     /// # Errors
-    /// [`StillError::TooShort`].
-    pub fn result(&self) -> Result<StillResult, StillError> {
+    /// [`NotMeasured`] after a short rest.
+    pub fn result(&self) -> Result<StillResult, NotMeasured> {
         let seconds = self.bins.len() as f64 * BIN_S;
         let temperature_c: Vec<f64> = self.bins.iter().map(|bin| bin.temperature_c).collect();
         let axis = |i: usize| {
             let rates_dps: Vec<f64> = self.bins.iter().map(|bin| bin.rate_dps[i]).collect();
-            AxisNoise::of(&rates_dps, &temperature_c).ok_or(StillError::TooShort { seconds })
+            AxisNoise::of(&rates_dps, &temperature_c).ok_or_else(|| {
+                let cure = "give at least 30 s; 600 s and more tell the instability of the bias";
+                NotMeasured::new(format!("{seconds:.0} s at rest are too short"), cure)
+            })
         };
         Ok(StillResult { seconds, axes: [axis(0)?, axis(1)?, axis(2)?], warming: self.warming() })
     }
@@ -214,7 +200,7 @@ impl StillResult {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::synthetic::Random;
+    use crate::sensor::tests::Random;
 
     /// Returns a rest with white noise of this density and a walk of the bias, warming by 0.01 K/s if `warms`.
     fn watch(density: f64, walk: f64, seconds: f64, kelvin_dps: f64) -> StillWatch {
@@ -271,7 +257,7 @@ mod tests {
             };
             watch.push(&reading).err()
         });
-        assert!(matches!(pushed, Some(StillError::Moved { .. })), "{pushed:?}");
-        assert!(matches!(StillWatch::new(5.0).result(), Err(StillError::TooShort { .. })));
+        assert!(pushed.unwrap().to_string().starts_with("the sensor moved after "));
+        assert_eq!(StillWatch::new(5.0).result().unwrap_err().to_string(), "0 s at rest are too short");
     }
 }

@@ -14,14 +14,12 @@
 //! absorbs a lag of its thermometer. The residuals are the scatter of the bias from pose to pose. If the temperature
 //! hardly changes, d_i would fit noise, and is left out.
 
-use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, RawReading, Rests};
+use super::{Estimate, NotMeasured};
 use crate::statistics::extremes;
-use miette::Diagnostic;
 use sim::functions::hypot;
-use thiserror::Error;
 
 /// Smallest cosine between an axis and the vertical in its pose: 18°.
 const UPRIGHT: f64 = 0.95;
@@ -32,17 +30,6 @@ const PATIENCE_S: f64 = 120.0;
 /// Smallest temperature range of the poses for which the change with temperature is fitted, °C. The mean over a pose of
 /// 8 s has a noise of 0.002 °C, and the neglected change of a usual gyroscope is 0.0015 °/s.
 const LEAST_WARMING_C: f64 = 0.05;
-
-/// The poses are not complete.
-#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
-#[error("{} missing: {}", if missing.len() == 1 { "a pose is" } else { "poses are" }, missing.join(", "))]
-#[diagnostic(help(
-    "start again, and lay the sensor still with each axis up and down; no pose came for {PATIENCE_S:.0} s"
-))]
-pub struct PosesError {
-    /// The axes that have not pointed up.
-    pub missing: Vec<String>,
-}
 
 /// The operator's next action, with the figures so far.
 #[derive(Clone, PartialEq, Debug)]
@@ -82,8 +69,8 @@ impl PosesWatch {
     /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
-    /// [`PosesError`] if no further pose comes.
-    pub fn push(&mut self, reading: &RawReading) -> Result<PoseStep, PosesError> {
+    /// [`NotMeasured`] if no further pose comes.
+    pub fn push(&mut self, reading: &RawReading) -> Result<PoseStep, NotMeasured> {
         let since_s = *self.since_s.get_or_insert(reading.time_s);
         self.rests.push(reading);
         let missing = self.missing();
@@ -91,7 +78,7 @@ impl PosesWatch {
             return Ok(PoseStep::Done);
         }
         if reading.time_s - since_s > PATIENCE_S + self.seconds {
-            return Err(PosesError { missing });
+            return Err(self.incomplete());
         }
         let rest = *self.rests.rest();
         if !self.rests.is_resting() || rest.count == 0.0 {
@@ -116,17 +103,25 @@ impl PosesWatch {
         (0..6).filter(|pose| self.poses[*pose].is_none()).map(name).collect()
     }
 
+    fn incomplete(&self) -> NotMeasured {
+        let missing = self.missing();
+        let poses_are = if missing.len() == 1 { "a pose is" } else { "poses are" };
+        let cure = format!(
+            "start again, and lay the sensor still with each axis up and down; no pose came for {PATIENCE_S:.0} s"
+        );
+        NotMeasured::new(format!("{poses_are} missing: {}", missing.join(", ")), cure)
+    }
+
     /// Returns the result. `placement_deg`: bound on the placement error of each pose.
     ///
     /// # Errors
-    /// [`PosesError`] if poses are missing.
-    pub fn result(&self, placement_deg: f64) -> Result<PosesResult, PosesError> {
-        let incomplete = || PosesError { missing: self.missing() };
+    /// [`NotMeasured`] if poses are missing.
+    pub fn result(&self, placement_deg: f64) -> Result<PosesResult, NotMeasured> {
         let mut poses = [Mean::default(); 6];
         for (pose, kept) in poses.iter_mut().zip(&self.poses) {
-            *pose = kept.ok_or_else(incomplete)?;
+            *pose = kept.ok_or_else(|| self.incomplete())?;
         }
-        evaluate(&poses, placement_deg).ok_or_else(incomplete)
+        evaluate(&poses, placement_deg).ok_or_else(|| self.incomplete())
     }
 }
 

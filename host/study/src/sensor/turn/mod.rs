@@ -12,12 +12,11 @@
 //! fit is the operator's scatter at the marks; its degrees of freedom are the number of rests minus three. With fewer
 //! than three turns, the term b is left out.
 
-mod error;
 mod result;
 
-pub use error::TurnError;
 pub use result::TurnResult;
 
+use super::NotMeasured;
 use super::file::{AXES, MeasuredSensor};
 use super::reading::{Mean, Motion, RawReading, Rests};
 use result::{evaluate, unit};
@@ -121,8 +120,8 @@ impl TurnWatch {
     /// Adds a reading. Returns the operator's next action.
     ///
     /// # Errors
-    /// [`TurnError`].
-    pub fn push(&mut self, reading: &RawReading) -> Result<TurnStep, TurnError> {
+    /// [`NotMeasured`] after a mistake of the hand.
+    pub fn push(&mut self, reading: &RawReading) -> Result<TurnStep, NotMeasured> {
         let since_s = *self.since_s.get_or_insert(reading.time_s);
         self.readings.push(*reading);
         let motion = self.rests.push(reading);
@@ -157,10 +156,13 @@ impl TurnWatch {
         let number = self.turns.len() + 1;
         if (angle_deg - wanted_deg).abs() > self.plan.degrees * TOLERANCE {
             if angle_deg.abs() > wanted_deg.abs() {
-                return Err(TurnError::TooFar { number, angle_deg, wanted_deg });
+                return Err(self.too_far());
             }
             if rest.length_s() > STOP_S {
-                return Err(TurnError::HalfWay { number, angle_deg, wanted_deg });
+                let what = format!("turn {number} stopped at {angle_deg:.0}° of {wanted_deg:.0}°");
+                let cure = "turn by the whole angle before you let it rest, or name the angle that you turn, such as \
+                            `biflag sensor turn z 360`";
+                return Err(NotMeasured::new(what, cure));
             }
             return Ok(TurnStep::Stopped { angle_deg });
         }
@@ -179,13 +181,14 @@ impl TurnWatch {
         rest: &Mean,
         is_resting: bool,
         waited_s: f64,
-    ) -> Result<TurnStep, TurnError> {
+    ) -> Result<TurnStep, NotMeasured> {
         if motion == Motion::Moving {
             self.readings.clear();
         }
         if !is_resting || rest.length_s() < REST_S {
             if waited_s > PATIENCE_S {
-                return Err(TurnError::NeverStill);
+                let what = format!("the sensor was not still for {REST_S:.0} s within {PATIENCE_S:.0} s");
+                return Err(NotMeasured::new(what, "put it on a table that does not shake, and start again"));
             }
             let left_s = if is_resting { REST_S - rest.length_s() } else { REST_S };
             return Ok(TurnStep::Rest { left_s });
@@ -195,7 +198,12 @@ impl TurnWatch {
             let highest = (0..3).max_by(|a, b| up[*a].abs().total_cmp(&up[*b].abs())).unwrap_or_default();
             let sign = if up[highest] < 0.0 { "-" } else { "+" };
             let axis = AXES[self.plan.axis];
-            return Err(TurnError::NotVertical { axis, up: format!("{sign}{}", AXES[highest]) });
+            let what = format!("{axis} is not vertical: {sign}{} points up", AXES[highest]);
+            let cure = format!(
+                "stand the sensor so that its {axis} axis points up or down, and start again; if it does, correct \
+                 accel_axes in the board's settings"
+            );
+            return Err(NotMeasured::new(what, cure));
         }
         self.begin_at(*rest);
         Ok(TurnStep::Ready)
@@ -226,22 +234,35 @@ impl TurnWatch {
     }
 
     /// Refuses a turn about another axis or the wrong way, as early as possible.
-    fn check_way(&self) -> Result<(), TurnError> {
+    fn check_way(&self) -> Result<(), NotMeasured> {
         let TurnPlan { axis, degrees, .. } = self.plan;
         let angle_deg = self.angle_deg[axis];
         let other = (0..3).max_by(|a, b| self.angle_deg[*a].abs().total_cmp(&self.angle_deg[*b].abs())).unwrap_or(axis);
         let other_deg = self.angle_deg[other];
         if other != axis && other_deg.abs() > 45.0 && other_deg.abs() > 1.5 * angle_deg.abs() {
-            return Err(TurnError::WrongAxis { axis: AXES[axis], angle_deg, other: AXES[other], other_deg });
+            let (axis, other) = (AXES[axis], AXES[other]);
+            let what =
+                format!("the sensor turned by {other_deg:.0}° about {other}, and by {angle_deg:.0}° about {axis}");
+            let cure = format!(
+                "turn it about its {axis} axis, flat on the table; if you did, correct gyro_axes in the board's settings"
+            );
+            return Err(NotMeasured::new(what, cure));
         }
         let (number, wanted_deg) = (self.turns.len() + 1, self.wanted_deg());
         if angle_deg * wanted_deg.signum() < -2.0 * JOLT_DEG {
-            return Err(TurnError::WrongWay { number, angle_deg, wanted_deg });
+            let what = format!("turn {number} went the wrong way: {angle_deg:.0}° instead of {wanted_deg:.0}°");
+            return Err(NotMeasured::new(what, "turn forwards, then back by the same way, and so on; start again"));
         }
         if angle_deg.abs() > degrees * (1.0 + TOLERANCE) + 90.0 {
-            return Err(TurnError::TooFar { number, angle_deg, wanted_deg });
+            return Err(self.too_far());
         }
         Ok(())
+    }
+
+    fn too_far(&self) -> NotMeasured {
+        let (number, angle_deg, wanted_deg) = (self.turns.len() + 1, self.angle_deg[self.plan.axis], self.wanted_deg());
+        let what = format!("turn {number} went on to {angle_deg:.0}° instead of {wanted_deg:.0}°");
+        NotMeasured::new(what, "stop at the mark; start again")
     }
 
     /// Returns the result of the turns so far. `reference_deg`: largest difference between the angle of a turn and the
@@ -249,12 +270,15 @@ impl TurnWatch {
     /// relative.
     ///
     /// # Errors
-    /// [`TurnError::NoTurn`].
-    pub fn result(&self, reference_deg: f64, known: &MeasuredSensor, clock: f64) -> Result<TurnResult, TurnError> {
+    /// [`NotMeasured`] without a turn.
+    pub fn result(&self, reference_deg: f64, known: &MeasuredSensor, clock: f64) -> Result<TurnResult, NotMeasured> {
         let forces = self.forces_g.len() as f64;
         let mean = |i: usize| self.forces_g.iter().map(|force| force[i]).sum::<f64>() / forces;
         let force_g = std::array::from_fn(mean);
-        evaluate(&self.plan, &self.turns, force_g, reference_deg, known, clock).ok_or(TurnError::NoTurn)
+        evaluate(&self.plan, &self.turns, force_g, reference_deg, known, clock).ok_or_else(|| {
+            let what = format!("the sensor was not turned within {PATIENCE_S:.0} s");
+            NotMeasured::new(what, "start again, and turn it when the program says so")
+        })
     }
 }
 

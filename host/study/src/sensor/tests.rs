@@ -1,4 +1,4 @@
-//! A synthetic sensor in a hand, with known errors, for tests.
+//! What the tests of the sensor share: a synthetic sensor in a hand, with known errors.
 
 use super::RawReading;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
