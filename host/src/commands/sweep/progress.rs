@@ -45,7 +45,7 @@ impl Counter {
         let mut counted = lock(&self.counted);
         if self.shard.has(&record.name) {
             counted.done += 1;
-            counted.failed += u64::from(record.outcome.is_failed());
+            counted.failed += u64::from(record.outcome.is_err());
         } else {
             counted.helped += 1;
         }

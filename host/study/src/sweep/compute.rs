@@ -27,14 +27,8 @@ pub struct Steady {
     pub standard_errors: Vec<Option<f64>>,
 }
 
-/// The result of a point.
-#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
-pub enum Outcome {
-    /// The point was computed.
-    Ok(Box<Steady>),
-    /// The point cannot be computed, for this reason.
-    Failed(String),
-}
+/// The result of a point: its steady state, or why it cannot be computed.
+pub type Outcome = Result<Box<Steady>, String>;
 
 /// The beginning of the reason after a panic.
 const PANIC: &str = "the solver panicked, which is a fault of the program";
@@ -42,71 +36,41 @@ const PANIC: &str = "the solver panicked, which is a fault of the program";
 /// Longest stored reason, bytes.
 const LONGEST_REASON: usize = 400;
 
-impl Outcome {
-    /// Returns the steady state; `None` if the point cannot be computed.
-    pub fn steady(&self) -> Option<&Steady> {
-        match self {
-            Self::Ok(steady) => Some(steady),
-            Self::Failed(_) => None,
-        }
-    }
-
-    /// Returns why the point cannot be computed; `None` if it was.
-    pub fn reason(&self) -> Option<&str> {
-        match self {
-            Self::Ok(_) => None,
-            Self::Failed(reason) => Some(reason),
-        }
-    }
-
-    /// Returns whether every quantity has its value, its spread and its error.
-    pub fn is_whole(&self) -> bool {
-        let columns = columns(FLAGELLA).count();
-        let lengths = |steady: &Steady| [steady.values.len(), steady.spreads.len(), steady.standard_errors.len()];
-        self.steady().is_none_or(|steady| lengths(steady) == [columns; 3])
-    }
-
-    /// Returns whether the point cannot be computed.
-    pub fn is_failed(&self) -> bool {
-        self.steady().is_none()
-    }
-
-    /// Returns whether the solver panicked.
-    pub fn is_panic(&self) -> bool {
-        self.reason().is_some_and(|reason| reason.starts_with(PANIC))
-    }
-
-    /// Returns the outcome of a failure.
-    pub fn failed(reason: &str) -> Self {
-        let end = reason.floor_char_boundary(LONGEST_REASON);
-        Self::Failed(reason[..end].replace(['\n', '\r', '\t'], " "))
-    }
-
-    /// Computes a point of a plan, and returns its result with the number of the solver's sweeps. Returns `None` as
-    /// soon as `goes_on` returns `false`. `at_rest`: inverses shared by the points of a table.
-    ///
-    /// A panic of the solver is caught, so that other points are still computed; the reason names it.
-    pub fn of(
-        point: &Point,
-        plan: &SweepPlan,
-        at_rest: &InversesAtRest,
-        goes_on: &dyn Fn() -> bool,
-    ) -> Option<(Self, u64)> {
-        let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, at_rest, goes_on)));
-        let failed = |reason: &str| Some((Self::failed(reason), 0));
-        match caught {
-            Ok(Ok(steady)) => steady.map(|(steady, sweeps)| (Self::Ok(Box::new(steady)), sweeps)),
-            Ok(Err(reason)) => failed(&reason),
-            Err(panic) => {
-                let text = panic.downcast_ref::<String>().map(String::as_str);
-                let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                failed(&format!("{PANIC}: {text}"))
-            }
-        }
-    }
+/// Returns whether the solver panicked.
+pub fn is_panic(outcome: &Outcome) -> bool {
+    outcome.as_ref().is_err_and(|reason| reason.starts_with(PANIC))
 }
 
-fn compute(
+/// Returns the outcome of a failure.
+pub fn failed(reason: &str) -> Outcome {
+    let end = reason.floor_char_boundary(LONGEST_REASON);
+    Err(reason[..end].replace(['\n', '\r', '\t'], " "))
+}
+
+/// Computes a point of a plan, and returns its result with the number of the solver's sweeps. Returns `None` as
+/// soon as `goes_on` returns `false`. `at_rest`: inverses shared by the points of a table.
+///
+/// A panic of the solver is caught, so that other points are still computed; the reason names it.
+pub fn compute(
+    point: &Point,
+    plan: &SweepPlan,
+    at_rest: &InversesAtRest,
+    goes_on: &dyn Fn() -> bool,
+) -> Option<(Outcome, u64)> {
+    let caught = catch_unwind(AssertUnwindSafe(|| steady(point, plan, at_rest, goes_on)));
+    let reason = match caught {
+        Ok(Ok(steady)) => return steady.map(|(steady, sweeps)| (Ok(Box::new(steady)), sweeps)),
+        Ok(Err(reason)) => reason,
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+            format!("{PANIC}: {text}")
+        }
+    };
+    Some((failed(&reason), 0))
+}
+
+fn steady(
     point: &Point,
     plan: &SweepPlan,
     at_rest: &InversesAtRest,
@@ -151,6 +115,12 @@ impl Steady {
     }
 
     /// Returns whether all values are numbers, but for the angles of a robot that overturned.
+    /// Returns whether every quantity has its value, its spread and its error.
+    pub fn is_whole(&self) -> bool {
+        let columns = columns(FLAGELLA).count();
+        [self.values.len(), self.spreads.len(), self.standard_errors.len()] == [columns; 3]
+    }
+
     fn is_finite(&self) -> bool {
         let is_overturned = self.kind == Kind::Overturned;
         self.values.iter().chain(&self.spreads).all(|v| v.is_finite() || is_overturned && v.is_nan())
@@ -208,19 +178,22 @@ mod tests {
         let at_rest = InversesAtRest::default();
         for method in [Method::Steady, Method::Trial] {
             let plan = SweepPlan { method, ..plan.clone() };
-            let (outcome, _) = Outcome::of(&point, &plan, &at_rest, &|| panic!("index {}", 7)).unwrap();
+            let (outcome, _) = compute(&point, &plan, &at_rest, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
-            assert!(outcome.is_panic());
-            assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
-            assert_eq!(Outcome::of(&point, &plan, &at_rest, &|| false), None, "interrupted");
-            let (outcome, sweeps) = Outcome::of(&point, &plan, &at_rest, &|| true).unwrap();
-            assert!(outcome.steady().is_some_and(Steady::is_finite) && sweeps > 10, "{outcome:?}, {sweeps} sweeps");
+            assert!(is_panic(&outcome));
+            assert_eq!(outcome, Err(wanted.to_owned()));
+            assert_eq!(compute(&point, &plan, &at_rest, &|| false), None, "interrupted");
+            let (outcome, sweeps) = compute(&point, &plan, &at_rest, &|| true).unwrap();
+            assert!(
+                outcome.as_ref().is_ok_and(|steady| steady.is_finite()) && sweeps > 10,
+                "{outcome:?}, {sweeps} sweeps"
+            );
         }
     }
 
     #[test]
     fn reasons_are_one_short_line() {
-        let Outcome::Failed(reason) = Outcome::failed(&"ä\n".repeat(400)) else { panic!() };
+        let Err(reason) = failed(&"ä\n".repeat(400)) else { panic!() };
         assert!(reason.len() <= LONGEST_REASON && reason.starts_with("ä ä"));
     }
 }

@@ -57,7 +57,7 @@ impl Counts {
     /// Adds the result of a point; returns whether the point is new.
     pub fn add(&mut self, index: u64, outcome: &Outcome) -> bool {
         let is_new = self.done.add(index);
-        if is_new && outcome.is_failed() {
+        if is_new && outcome.is_err() {
             self.failed.add(index);
         }
         if is_new && outcome.steady().is_some_and(|steady| steady.kind == Kind::NotFound) {

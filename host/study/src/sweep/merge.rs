@@ -46,7 +46,7 @@ pub struct Merged {
 
 impl Merged {
     fn count(&mut self, records: &[Record]) {
-        self.failed += records.iter().filter(|record| record.outcome.is_failed()).count() as u64;
+        self.failed += records.iter().filter(|record| record.outcome.is_err()).count() as u64;
     }
 }
 

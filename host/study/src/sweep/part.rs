@@ -251,7 +251,7 @@ impl PartReader {
             entry = postcard::from_bytes(content).ok();
         }
         if let Some(Entry::Point(Record { outcome, .. })) = &entry
-            && !outcome.is_whole()
+            && outcome.as_ref().is_ok_and(|steady| !steady.is_whole())
         {
             entry = None;
         }
@@ -289,7 +289,7 @@ pub fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
 mod tests {
     use super::super::clock::now_s;
     use super::super::compute::Cost;
-    use super::super::compute::Outcome;
+    use super::super::compute::failed;
     use super::super::point::Name;
     use super::*;
     use std::time::{Duration, UNIX_EPOCH};
@@ -297,7 +297,7 @@ mod tests {
     fn record(index: u64) -> Record {
         let name = Name([index as u8; 16]);
         let cost = Cost { processor_s: 0.25, sweeps: index };
-        Record { index, name, outcome: Outcome::failed(&format!("reason {index}")), cost }
+        Record { index, name, outcome: failed(&format!("reason {index}")), cost }
     }
 
     fn read(path: &Path) -> (Vec<Record>, bool) {

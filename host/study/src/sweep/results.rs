@@ -8,7 +8,7 @@ pub const RESULTS: u32 = 9;
 
 #[cfg(test)]
 mod tests {
-    use super::super::compute::Outcome;
+    use super::super::compute::compute;
     use super::super::{Sweep, SweepPlan};
     use super::*;
     use crate::plan::robot;
@@ -36,11 +36,11 @@ mod tests {
         let at_rest = InversesAtRest::default();
         let line = |index| {
             let point = sweep.point(index);
-            let (outcome, _) = Outcome::of(&point, &plan, &at_rest, &|| true).unwrap();
+            let (outcome, _) = compute(&point, &plan, &at_rest, &|| true).unwrap();
             let [w1, w2] = point.speeds_rpm;
             match outcome {
-                Outcome::Failed(reason) => format!("{w1},{w2},{reason}"),
-                Outcome::Ok(steady) => {
+                Err(reason) => format!("{w1},{w2},{reason}"),
+                Ok(steady) => {
                     // The sign of a zero may depend on the processor.
                     let values = quantities().map(|column| format!(",{:e}", steady.values[column.index()] + 0.0));
                     format!("{w1},{w2},{}{}", steady.kind.name(), values.collect::<String>())

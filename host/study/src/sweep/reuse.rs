@@ -1,5 +1,6 @@
 //! Reuses results of another sweep for the points common to both, wherever they are in its plan.
 
+use super::compute::is_panic;
 use super::folder::{Counts, Folder};
 use super::manifest::Manifest;
 use super::part::{self, PartReader, PartWriter};
@@ -32,7 +33,7 @@ impl Folder {
                 for (_, index) in same {
                     let index = u64::from(*index);
                     if record.name == self.sweep.name(index)
-                        && !record.outcome.is_panic()
+                        && !is_panic(&record.outcome)
                         && counts.add(index, &record.outcome)
                     {
                         record.index = index;

@@ -51,7 +51,7 @@ impl Folder {
         let mut counted = Points::none(self.sweep.plan.points());
         self.read(|_, record| {
             let index = record.index;
-            if let Some(text) = record.outcome.reason().filter(|_| counted.add(index)) {
+            if let Some(text) = record.outcome.as_ref().err().filter(|_| counted.add(index)) {
                 let new = || Reason { points: 0, index, text: text.to_owned() };
                 let reason = reasons.entry(without_numbers(text)).or_insert_with(new);
                 reason.points += 1;

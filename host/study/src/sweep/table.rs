@@ -99,7 +99,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         columns.push(rows.exact(name, unit, about, |row| row.robot[at]));
     }
     let mut steady = |name: String, unit, about: String, value: &dyn Fn(&Row, &Steady) -> f64| {
-        let value = |row: &Row| row.outcome.steady().map_or(f64::NAN, |steady| value(row, steady));
+        let value = |row: &Row| row.outcome.as_ref().map_or(f64::NAN, |steady| value(row, steady));
         columns.push(rows.exact(name, unit, about, value));
     };
     let quantities: Vec<_> = quantities(FLAGELLA).filter(|column| column.is_in(Place::Sweep)).collect();
@@ -120,19 +120,18 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         steady(name, column.quantity.unit, about, &|_, s| s.standard_errors[column.index()].unwrap_or(f64::NAN));
     }
     let phases = rows.int("phases", "1", "number of starting phases; 0 if the point failed", |row| {
-        row.outcome.steady().map_or(0, |steady| steady.phases.into())
+        row.outcome.as_ref().map_or(0, |steady| steady.phases.into())
     });
     columns.push(phases);
-    let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
     columns.push(rows.text(
         "kind",
         "`steady`: the motion repeats; `beating`: it was not found to, but its means are known; `not_found`: they are not; \
          `overturned`: the base turned over, and the angles are empty",
-        kind,
+        |row| kind(&row.outcome),
     ));
-    let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
+    let status = |row: &Row| if row.outcome.is_err() { "failed" } else { "ok" }.to_owned();
     columns.push(rows.text("status", "`ok`, or `failed`: then all results are empty", status));
-    let reason = |row: &Row| row.outcome.reason().unwrap_or_default().to_owned();
+    let reason = |row: &Row| row.outcome.as_ref().err().cloned().unwrap_or_default();
     columns.push(rows.text("reason", "why the point failed", reason));
     let plan = &sweep.plan;
     let header = vec![
@@ -147,17 +146,20 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
 pub fn cost_table(records: &[(u32, Record)], origins: &[Origin]) -> Table {
     let rows = Rows(records);
     let sweeps = "sweeps of the solver over all starting phases; 0 if the point failed";
-    let kind = |record: &Record| record.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
     let origin = |of: u32| &origins[of as usize];
     let columns = vec![
         rows.text("point", "name of the point, as in the table of the sweep", |(_, record)| record.name.to_string()),
         rows.exact("processor_s", "s", "processor time", |(_, record)| record.cost.processor_s),
         rows.int("sweeps", "1", sweeps, |(_, record)| record.cost.sweeps as i64),
-        rows.text("kind", "kind of the steady state; empty if the point failed", |(_, record)| kind(record)),
+        rows.text("kind", "kind of the steady state; empty if the point failed", |(_, record)| kind(&record.outcome)),
         rows.text("host", "computer on which the point was computed", |(of, _)| origin(*of).host.clone()),
         rows.text("program", "version and commit of the program", |(of, _)| origin(*of).program.clone()),
     ];
     Table { header: vec!["what the points of a sweep cost, and where they were computed".to_owned()], columns }
+}
+
+fn kind(outcome: &Outcome) -> String {
+    outcome.as_ref().map_or("", |steady| steady.kind.name()).to_owned()
 }
 
 /// Returns the unit of a key of the robot's file, from its name.

@@ -3,7 +3,7 @@
 
 use super::SweepError;
 use super::claims::{BLOCKS, Claims};
-use super::compute::{Cost, Outcome, Record};
+use super::compute::{Cost, Record, compute};
 use super::folder::Folder;
 use super::part::PartWriter;
 use super::point::{Points, Shard, phases};
@@ -127,7 +127,7 @@ impl Folder {
         let one = |index: u32| {
             let started_s = thread_s();
             let point = self.sweep.point(index.into());
-            let Some((outcome, sweeps)) = Outcome::of(&point, plan, &at_rest, &goes_on) else { return };
+            let Some((outcome, sweeps)) = compute(&point, plan, &at_rest, &goes_on) else { return };
             let cost = Cost { processor_s: micros(thread_s() - started_s), sweeps };
             let record = Record { index: point.index, name: point.name, outcome, cost };
             each(&record);
