@@ -74,8 +74,8 @@ impl Progress {
     /// Starts the progress of trials of `total_s` seconds in total.
     pub fn new(total_s: f64) -> Self {
         match io::stderr().is_terminal() {
-            true => Self::on(Terminal::new(total_s), false, total_s),
-            false => Self::on(Plain, true, total_s),
+            true => Self::on(terminal(total_s), false, total_s),
+            false => Self::on(plain, true, total_s),
         }
     }
 
@@ -85,7 +85,7 @@ impl Progress {
     }
 
     /// Starts a progress on a screen; a `plain` one shows the phases as lines.
-    fn on(screen: impl Screen, plain: bool, total_s: f64) -> Self {
+    fn on(screen: impl FnMut(Drawing) + Send + 'static, plain: bool, total_s: f64) -> Self {
         let shared = Arc::new(Shared::default());
         let drawing = Arc::clone(&shared);
         thread::spawn(move || draw(&drawing, screen));
@@ -169,19 +169,19 @@ impl Drop for Progress {
 }
 
 /// Draws until the progress ends: the lines in their order, and the bar once there are no lines.
-fn draw(shared: &Shared, mut screen: impl Screen) {
+fn draw(shared: &Shared, mut screen: impl FnMut(Drawing)) {
     let mut state = lock(&shared.state);
     loop {
         let (line, bar) = (state.lines.pop_front(), state.bar.clone());
         let (ends, given_up) = (state.ends, state.given_up);
         drop(state);
         if given_up {
-            screen.leave();
+            screen(Drawing::Leave);
         }
         match line {
-            Some(line) => screen.line(&line),
+            Some(line) => screen(Drawing::Line(&line)),
             None if ends => break,
-            None => screen.show(&bar),
+            None => screen(Drawing::Bar(&bar)),
         }
         state = lock(&shared.state);
         state.drawings += 1;
@@ -190,93 +190,60 @@ fn draw(shared: &Shared, mut screen: impl Screen) {
             (state, _) = shared.news.wait_timeout(state, INTERVAL).unwrap_or_else(PoisonError::into_inner);
         }
     }
-    screen.clear();
-    if lock(&shared.state).rings {
-        screen.ring();
-    }
+    let rings = lock(&shared.state).rings;
+    screen(Drawing::End { rings });
     drop(screen);
     lock(&shared.state).over = true;
     shared.drawn.notify_all();
 }
 
-/// The target of the drawing thread.
-trait Screen: Send + 'static {
-    /// Prints a line above the bar.
-    fn line(&mut self, text: &str);
-
-    /// Draws the bar.
-    fn show(&mut self, bar: &Bar);
-
-    /// Removes the bar.
-    fn clear(&mut self);
-
-    /// Rings the bell.
-    fn ring(&mut self) {}
-
-    /// Leaves the bar as it is: another drawing would erase any text printed after it.
-    fn leave(&mut self);
+/// What the drawing thread asks of its screen.
+enum Drawing<'a> {
+    /// Print a line above the bar.
+    Line(&'a str),
+    /// Draw the bar.
+    Bar(&'a Bar),
+    /// Leave the bar as it is: another drawing would erase any text printed after it.
+    Leave,
+    /// Remove the bar, and perhaps ring the bell.
+    End { rings: bool },
 }
 
-/// A file or a pipe, without a bar.
-struct Plain;
-
-impl Screen for Plain {
-    fn line(&mut self, text: &str) {
+/// Draws on a file or a pipe, without a bar.
+fn plain(drawing: Drawing) {
+    if let Drawing::Line(text) = drawing {
         colour::eprint(&format!("{text}\n"));
     }
-
-    fn show(&mut self, _: &Bar) {}
-
-    fn clear(&mut self) {}
-
-    fn leave(&mut self) {}
 }
 
-/// A terminal with a bar. Every method of the bar may wait for the terminal.
-struct Terminal {
-    bar: ProgressBar,
-    shown: Bar,
-}
-
-impl Terminal {
-    fn new(total_s: f64) -> Self {
-        let bar = ProgressBar::new(milliseconds(total_s));
-        let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}{left}{prefix}");
-        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left);
-        bar.set_style(style);
-        Self { bar, shown: Bar::default() }
-    }
-}
-
-impl Screen for Terminal {
-    fn line(&mut self, text: &str) {
-        self.bar.suspend(|| Plain.line(text));
-    }
-
-    fn show(&mut self, bar: &Bar) {
-        if bar.message != self.shown.message {
-            self.bar.set_message(bar.message.clone());
+/// Draws on a terminal with a bar. Every method of the bar may wait for the terminal.
+fn terminal(total_s: f64) -> impl FnMut(Drawing) + Send + 'static {
+    let bar = ProgressBar::new(milliseconds(total_s));
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}{left}{prefix}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left));
+    let mut shown = Bar::default();
+    move |drawing| match drawing {
+        Drawing::Line(_) => bar.suspend(|| plain(drawing)),
+        Drawing::Bar(new) => {
+            if new.message != shown.message {
+                bar.set_message(new.message.clone());
+            }
+            if new.figures != shown.figures {
+                let text = &new.figures;
+                bar.set_prefix(if text.is_empty() { String::new() } else { format!("\n{text}") });
+            }
+            // This draws even if nothing has changed, because the remaining time decreases.
+            bar.update(|state| state.set_pos(new.position_ms));
+            shown = new.clone();
         }
-        if bar.figures != self.shown.figures {
-            let text = &bar.figures;
-            self.bar.set_prefix(if text.is_empty() { String::new() } else { format!("\n{text}") });
+        Drawing::Leave => bar.set_draw_target(ProgressDrawTarget::hidden()),
+        Drawing::End { rings } => {
+            bar.finish_and_clear();
+            if rings {
+                // A terminal that has closed hears nothing.
+                let _ = io::stderr().write_all(b"\x07");
+            }
         }
-        // This draws even if nothing has changed, because the remaining time decreases.
-        self.bar.update(|state| state.set_pos(bar.position_ms));
-        self.shown = bar.clone();
-    }
-
-    fn clear(&mut self) {
-        self.bar.finish_and_clear();
-    }
-
-    fn ring(&mut self) {
-        // A terminal that has closed hears nothing.
-        let _ = io::stderr().write_all(b"\x07");
-    }
-
-    fn leave(&mut self) {
-        self.bar.set_draw_target(ProgressDrawTarget::hidden());
     }
 }
 
@@ -295,44 +262,26 @@ fn milliseconds(seconds: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::sync::mpsc::{Receiver, channel};
     use std::time::Instant;
 
-    /// A screen that reports every drawing, after a wait for each line.
-    struct Told<W> {
-        told: Sender<String>,
-        wait: W,
-    }
-
-    impl<W: FnMut() + Send + 'static> Screen for Told<W> {
-        fn line(&mut self, text: &str) {
-            (self.wait)();
-            self.tell(text);
-        }
-
-        fn show(&mut self, bar: &Bar) {
-            self.tell(&format!("bar {} {} {}", bar.position_ms, bar.message, bar.figures));
-        }
-
-        fn clear(&mut self) {
-            self.tell("clear");
-        }
-
-        fn leave(&mut self) {
-            self.tell("leave");
-        }
-    }
-
-    impl<W> Told<W> {
-        fn tell(&self, text: &str) {
-            // The test may have ended.
-            let _ = self.told.send(text.to_owned());
-        }
-    }
-
-    fn told(wait: impl FnMut() + Send + 'static) -> (impl Screen, Receiver<String>) {
+    /// Returns a screen that reports every drawing, after a wait for each line.
+    fn told(mut wait: impl FnMut() + Send + 'static) -> (impl FnMut(Drawing) + Send + 'static, Receiver<String>) {
         let (told, tells) = channel();
-        (Told { told, wait }, tells)
+        let screen = move |drawing: Drawing| {
+            let text = match drawing {
+                Drawing::Line(text) => {
+                    wait();
+                    text.to_owned()
+                }
+                Drawing::Bar(bar) => format!("bar {} {} {}", bar.position_ms, bar.message, bar.figures),
+                Drawing::Leave => "leave".to_owned(),
+                Drawing::End { .. } => "clear".to_owned(),
+            };
+            // The test may have ended.
+            let _ = told.send(text);
+        };
+        (screen, tells)
     }
 
     #[test]
