@@ -4,7 +4,7 @@ use super::args::Args;
 use crate::aim::{self, Quantity, Target};
 use crate::plan::{Plan, RobotFile};
 use protocol::units::CentiRpm;
-use study::steer::{Controller, Map, Patience, Pilot, Policy, Wanted};
+use study::steer::{Controller, Map, PATIENCE_OF_MODEL, PATIENCE_OF_RIG, Pilot, Policy, Wanted};
 
 /// What is to be done.
 pub struct Course {
@@ -52,7 +52,7 @@ impl Course {
             Some(command) => {
                 let target = Target::new([(Quantity::Yaw, Some(args.yaw)), (Quantity::Pitch, Some(args.pitch))])?;
                 let nearest = aim::nearest(&table, &target)?;
-                let patience = if args.model || args.lock_step { Patience::OF_MODEL } else { Patience::OF_RIG };
+                let patience = if args.model || args.lock_step { PATIENCE_OF_MODEL } else { PATIENCE_OF_RIG };
                 let wanted = Wanted { yaw_deg: args.yaw, pitch_deg: args.pitch };
                 let own = command == "-";
                 let pilot = Pilot::Policy(if own { Policy::own(patience) } else { Policy::start(command, patience)? });

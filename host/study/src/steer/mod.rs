@@ -22,7 +22,7 @@ pub use controller::{Controller, Map};
 pub use error::SteerError;
 pub use means::Means;
 pub use observation::{Measured, Observation, Wanted};
-pub use policy::{Patience, Policy};
+pub use policy::{PATIENCE_OF_MODEL, PATIENCE_OF_RIG, Policy};
 pub use result::{Held, Tally};
 pub use steering::{Pilot, SetPoint, Steering, Times, message};
 

@@ -17,8 +17,8 @@ use super::{Observation, SteerError};
 use crate::text::printable;
 use protocol::units::CentiRpm;
 use serde::Deserialize;
-use std::io::{Stdout, Write, stdin, stdout};
-use std::process::{ChildStdin, Stdio};
+use std::io::{Write, stdin, stdout};
+use std::process::Stdio;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use system::children::{Family, lines};
@@ -33,29 +33,14 @@ const SHOWN: usize = 80;
 /// Time that a policy has to exit after the end of its standard input.
 const END_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Time limits for a policy's answers.
-#[derive(Clone, Copy, Debug)]
-pub struct Patience {
-    /// Limit for its first line: it may have to load a network.
-    pub first: Duration,
-    /// Limit for each further line.
-    pub each: Duration,
-}
+/// Limit for a policy's first line: it may have to load a network.
+const FIRST: Duration = Duration::from_secs(60);
 
-impl Patience {
-    /// Limits on a rig, where the motors turn meanwhile: shorter than the board's own deadline.
-    pub const OF_RIG: Self = Self { first: Duration::from_secs(60), each: Duration::from_millis(400) };
+/// Limit for each further line on a rig, where the motors turn meanwhile: shorter than the board's own deadline.
+pub const PATIENCE_OF_RIG: Duration = Duration::from_millis(400);
 
-    /// Limits in the model, which waits meanwhile.
-    pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(60) };
-}
-
-/// Receives the observations.
-#[derive(Debug)]
-enum Input {
-    Child(ChildStdin),
-    Own(Stdout),
-}
+/// Limit for each further line in the model, which waits meanwhile.
+pub const PATIENCE_OF_MODEL: Duration = Duration::from_secs(60);
 
 /// A policy's line.
 #[derive(Deserialize)]
@@ -68,14 +53,14 @@ struct Reply {
 }
 
 /// A program that gives the speeds. Dropping it ends the program.
-#[derive(Debug)]
 pub struct Policy {
     /// `None` for the program that started this one.
     program: Option<Family>,
-    input: Option<Input>,
+    /// Takes the observations; `None` once the program has ended.
+    input: Option<Box<dyn Write + Send>>,
     /// Its lines, read by a separate thread: a program that hangs must not block this one.
     lines: Receiver<String>,
-    patience: Patience,
+    patience: Duration,
     /// When the unanswered observation was sent.
     asked: Option<Instant>,
     has_answered: bool,
@@ -86,19 +71,19 @@ impl Policy {
     ///
     /// # Errors
     /// [`SteerError::NotStarted`].
-    pub fn start(command: &str, patience: Patience) -> Result<Self, SteerError> {
+    pub fn start(command: &str, patience: Duration) -> Result<Self, SteerError> {
         // Ctrl-C must only reach this program, which then stops the motors.
         let mut program = Family::start(shell::command(command).stdin(Stdio::piped()).stdout(Stdio::piped()))
             .map_err(|source| SteerError::NotStarted { command: command.to_owned(), source })?;
-        let input = program.child.stdin.take().map(Input::Child);
+        let input = program.child.stdin.take().map(|input| Box::new(input) as _);
         let lines = program.child.stdout.take().map_or_else(|| channel().1, |output| lines(output, LONGEST_LINE));
         Ok(Self { program: Some(program), input, lines, patience, asked: None, has_answered: false })
     }
 
     /// Returns the program that started this one as a policy: it gets the observations from the standard output of this
     /// program and writes the speeds to its standard input.
-    pub fn own(patience: Patience) -> Self {
-        let input = Some(Input::Own(stdout()));
+    pub fn own(patience: Duration) -> Self {
+        let input: Option<Box<dyn Write + Send>> = Some(Box::new(stdout()));
         Self { program: None, input, lines: lines(stdin(), LONGEST_LINE), patience, asked: None, has_answered: false }
     }
 
@@ -111,10 +96,7 @@ impl Policy {
             return Err(SteerError::Unasked { line: beginning(&line) });
         }
         let line = serde_json::to_string(observation).unwrap_or_default();
-        let sent = self.input.as_mut().map(|input| match input {
-            Input::Child(input) => writeln!(input, "{line}").and_then(|()| input.flush()),
-            Input::Own(output) => writeln!(output, "{line}").and_then(|()| output.flush()),
-        });
+        let sent = self.input.as_mut().map(|input| writeln!(input, "{line}").and_then(|()| input.flush()));
         if !matches!(sent, Some(Ok(()))) {
             return Err(self.ended());
         }
@@ -128,7 +110,7 @@ impl Policy {
     /// [`SteerError::Silent`] after the time limit, and the errors of its line.
     pub fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
         let Some(asked) = self.asked else { return Ok(None) };
-        let allowed = if self.has_answered { self.patience.each } else { self.patience.first };
+        let allowed = if self.has_answered { self.patience } else { FIRST };
         let left = allowed.saturating_sub(asked.elapsed());
         match self.lines.recv_timeout(within.min(left)) {
             Ok(line) => {
@@ -186,7 +168,7 @@ mod tests {
     use super::super::{Measured, Wanted};
     use super::*;
 
-    const PATIENCE: Patience = Patience { first: Duration::from_secs(20), each: Duration::from_secs(2) };
+    const PATIENCE: Duration = Duration::from_secs(2);
 
     fn observation(time_s: f64) -> Observation {
         let wanted = Wanted { yaw_deg: -67.0, pitch_deg: -4.0 };

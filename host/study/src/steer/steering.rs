@@ -15,7 +15,6 @@ pub struct SetPoint {
 }
 
 /// A steered run.
-#[derive(Debug)]
 pub struct Steering {
     wanted: Wanted,
     pilot: Pilot,
@@ -90,7 +89,6 @@ impl Steering {
 }
 
 /// Who gives the speeds.
-#[derive(Debug)]
 #[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Pilot {
     /// The built-in controller, which answers at once.

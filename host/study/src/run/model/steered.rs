@@ -176,7 +176,7 @@ impl<'a> Run<'a> {
 mod tests {
     use super::*;
     use crate::aim::shipped;
-    use crate::steer::{Controller, Held, Map, Patience, Pilot, Policy, RATE_HZ, Wanted};
+    use crate::steer::{Controller, Held, Map, PATIENCE_OF_MODEL, Pilot, Policy, RATE_HZ, Wanted};
     use crate::trial::{Judged, Want};
     use biflag_log::{Body, Method, Reader};
     use protocol::Settings;
@@ -193,7 +193,7 @@ mod tests {
         let options = Options { rate_hz: RATE_HZ, shapes: false };
         let model = Model::new(Robot::default(), Settings::DEFAULT, Closure::Full, Method::Trial, options);
         let command = "while read line; do echo '{\"speeds_rpm\": [50, -10]}'; done";
-        let policy = Policy::start(command, Patience::OF_MODEL).unwrap();
+        let policy = Policy::start(command, PATIENCE_OF_MODEL).unwrap();
         let mut steering = Steering::new(Wanted { yaw_deg: 0.0, pitch_deg: 0.0 }, Pilot::Policy(policy));
         steer(&model, &plan, &plan.trials[0], (&mut steering, &SteerMeta::default()), (1, &path), &|_| true).unwrap();
         let set_points = Reader::open(&path).unwrap().flatten();
