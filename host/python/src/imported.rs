@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::robot::Robot;
+use biflag_log::ImportMeta;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -49,7 +50,6 @@ pub fn write_states(
         uncertainty_deg: known.uncertainty,
         temperature_c: known.temperature,
         note: known.note,
-        beside: None,
     };
     let left_out = (all.nrows() - kept.len()) as u64;
     drop(rows);
@@ -57,7 +57,8 @@ pub fn write_states(
         let write = || {
             let states = States::new(states.clone(), "arrays", |row| format!("row {}", kept[row]))?;
             let columns = "time:s,yaw:deg,pitch:deg,roll:deg".to_owned();
-            write(&States { left_out, columns, ..states }, &conditions, "arrays", &path)
+            let about = ImportMeta { left_out, columns, ..states.about };
+            write(&States { about, ..states }, &conditions, "arrays", &path)
         };
         write().map(drop).map_err(|error| Failure::of_file(&path, &error))
     })

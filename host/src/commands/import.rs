@@ -96,12 +96,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         uncertainty_deg: args.uncertainty,
         temperature_c: args.temperature,
         note: args.note.clone(),
-        beside: None,
     };
+    let mut beside = None;
     if let Some(log) = &args.trial {
         let recording = Judged::read(log, Want { hash: true, ..Want::default() })?;
-        let (put, beside) = Beside::put(states, &recording, &table)?;
-        (states, conditions.beside) = (put, Some(beside));
+        let (put, found) = Beside::put(states, &recording, &table)?;
+        (states, beside) = (put, Some(found));
         conditions = conditions.of_recording(&recording.data, &states, &table)?;
     }
     let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &output)?;
@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "log": log,
         "origin": data.origin().name(),
         "samples": samples,
-        "left_out": states.left_out,
+        "left_out": states.about.left_out,
         "columns": mapping.to_string(),
         "duration_s": data.duration_s,
         "run_start_s": data.times.run.start,
@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let (Value::Object(body), Ok(Value::Object(angles))) = (&mut body, serde_json::to_value(&angles)) {
         body.extend(angles);
     }
-    let found = conditions.beside.as_ref().map_or_else(String::new, |beside| format!("\n{beside}"));
+    let found = beside.as_ref().map_or_else(String::new, |beside| format!("\n{beside}"));
     let [from, to] = [run_s.start, run_s.end].map(|time| decimal(time, 2));
     let steady = angles.map_or_else(String::new, |angles| format!("\nsteady: {angles}"));
     let text = printable(&format!(
@@ -138,7 +138,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         quoted(&log)
     ));
     let answer = Answer::new(Outcome::of(are_slight(&findings)), &body, text)?;
-    Ok(match &conditions.beside {
+    Ok(match &beside {
         Some(beside) => answer.with("trial", &beside.trial).with("clock", beside.clock),
         None => answer,
     })

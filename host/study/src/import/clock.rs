@@ -9,6 +9,7 @@ use super::{ImportError, State, States};
 use crate::attitude::{Columns, Track};
 use crate::text::decimal;
 use crate::trial::Judged;
+use biflag_log::ImportMeta;
 use nalgebra::{Matrix4, Vector4};
 use serde::Serialize;
 use sim::functions::powi;
@@ -77,8 +78,6 @@ impl Clock {
 pub struct Beside {
     /// File name of the recording.
     pub trial: String,
-    /// SHA-256 of the recording, in hexadecimal.
-    pub trial_sha256: String,
     /// The clock of the table.
     pub clock: Clock,
 }
@@ -102,8 +101,15 @@ impl Beside {
         };
         let rows = states.rows.iter().map(on_clock).filter(|state| (span.start..=span.end).contains(&state.time_s));
         let name = recording.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        let trial_sha256 = recording.sha256.clone().unwrap_or_default();
-        Ok((States { rows: rows.collect(), ..states }, Self { trial: name, trial_sha256, clock }))
+        let about = ImportMeta {
+            trial: name.clone(),
+            trial_sha256: recording.sha256.clone().unwrap_or_default(),
+            clock_offset_s: Some(clock.offset_s),
+            clock_rate_ppm: Some(clock.rate_ppm),
+            clock_rms_deg: Some(clock.rms_deg),
+            ..states.about
+        };
+        Ok((States { rows: rows.collect(), about }, Self { trial: name, clock }))
     }
 }
 

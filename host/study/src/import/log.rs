@@ -1,7 +1,7 @@
 //! Writes the log of an imported trial.
 
 use super::run::Run;
-use super::{Beside, ImportError, States};
+use super::{ImportError, States};
 use crate::output;
 use crate::plan::{MAX_PHASE_S, MIN_RUN_S, Phase, Plan, RobotFile};
 use crate::run;
@@ -32,8 +32,6 @@ pub struct Conditions {
     pub temperature_c: Option<f64>,
     /// A free note.
     pub note: String,
-    /// The recording of the same trial, if the states were put on its clock ([`Beside::put`]).
-    pub beside: Option<Beside>,
 }
 
 impl Conditions {
@@ -102,22 +100,12 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
     let epoch = SystemTime::UNIX_EPOCH;
     let first = run::start(&plan, &plan.trials[0], 1, Origin::Imported, None, epoch);
     let mut log = Writer::create(path, &first, epoch)?;
-    let beside = conditions.beside.as_ref();
     log.meta(&ImportMeta {
-        source: states.source.clone(),
-        source_sha256: states.source_sha256.clone(),
-        columns: states.columns.clone(),
         start_s: start,
-        left_out: states.left_out,
-        constant: states.constant.clone(),
         yaw_uncertainty_deg: conditions.uncertainty_deg.map(|[yaw, _]| yaw),
         tilt_uncertainty_deg: conditions.uncertainty_deg.map(|[_, tilt]| tilt),
         temperature_c: conditions.temperature_c,
-        trial: beside.map_or_else(String::new, |beside| beside.trial.clone()),
-        trial_sha256: beside.map_or_else(String::new, |beside| beside.trial_sha256.clone()),
-        clock_offset_s: beside.map(|beside| beside.clock.offset_s),
-        clock_rate_ppm: beside.map(|beside| beside.clock.rate_ppm),
-        clock_rms_deg: beside.map(|beside| beside.clock.rms_deg),
+        ..states.about.clone()
     })?;
     let phases = [(Phase::Preroll, start), (Phase::Run, run.start), (Phase::Decay, run.end), (Phase::End, end)];
     let mut phases = phases.into_iter().peekable();

@@ -4,6 +4,7 @@ use super::mapping::{Place, Value};
 use super::{ImportError, Mapping, Quantity};
 use crate::attitude::{Euler, Unwrap, rotation};
 use crate::text::hex;
+use biflag_log::ImportMeta;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
@@ -34,17 +35,9 @@ pub struct State {
 pub struct States {
     /// The states.
     pub rows: Vec<State>,
-    /// Number of rows left out because of a missing value.
-    pub left_out: u64,
-    /// The quantities that were not measured: given as constants, or an angle with the same value in all rows, which programs
-    /// without this angle write.
-    pub constant: Vec<String>,
-    /// The mapping of columns to quantities.
-    pub columns: String,
-    /// Name of the file.
-    pub source: String,
-    /// SHA-256 of the file, in hexadecimal.
-    pub source_sha256: String,
+    /// What the log says of the table. Constant are the quantities that were given as constants, and an angle with the
+    /// same value in all rows, which programs without this angle write.
+    pub about: ImportMeta,
 }
 
 impl States {
@@ -94,7 +87,7 @@ impl States {
         }
         let is_constant = |k: &usize| rows.iter().all(|row| row.angles_deg[*k] == rows[0].angles_deg[*k]);
         let constant = (0..3).filter(is_constant).map(|k| ["yaw", "pitch", "roll"][k].to_owned()).collect();
-        Ok(Self { rows, constant, ..Self::default() })
+        Ok(Self { rows, about: ImportMeta { constant, ..ImportMeta::default() } })
     }
 }
 
@@ -174,12 +167,13 @@ impl Table {
             }
         }
         let left_out = (self.rows.len() - states.len()) as u64;
-        let checked = States::new(states, &self.name, |row| format!("line {}", lines[row]))?;
+        let States { rows, about } = States::new(states, &self.name, |row| format!("line {}", lines[row]))?;
         let source = Path::new(&self.name).file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
         let columns = mapping.to_string();
-        let given = mapping.constants().into_iter().filter(|name| !checked.constant.contains(name));
-        let constant = [checked.constant.clone(), given.collect()].concat();
-        Ok(States { left_out, constant, columns, source, source_sha256: self.sha256.clone(), ..checked })
+        let given = mapping.constants().into_iter().filter(|name| !about.constant.contains(name));
+        let constant = [about.constant.clone(), given.collect()].concat();
+        let source_sha256 = self.sha256.clone();
+        Ok(States { rows, about: ImportMeta { left_out, constant, columns, source, source_sha256, ..about } })
     }
 
     fn state(&self, line: u64, of: impl Fn(Quantity) -> Option<f64>) -> Result<State, ImportError> {

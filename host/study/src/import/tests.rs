@@ -18,7 +18,6 @@ fn conditions() -> Conditions {
         uncertainty_deg: None,
         temperature_c: None,
         note: String::new(),
-        beside: None,
     }
 }
 
@@ -196,7 +195,7 @@ fn an_angle_of_one_value_was_not_measured() {
     std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
     let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=0".parse().unwrap();
     let states = Table::read(&csv, 0).unwrap().states(&mapping).unwrap();
-    assert_eq!(states.constant, ["pitch", "w2"]);
+    assert_eq!(states.about.constant, ["pitch", "w2"]);
     let log = folder.path().join("a.mcap");
     write(&states, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() }, "a.csv", &log).unwrap();
     let data = Judged::read(&log, Want::default()).unwrap().data;

@@ -45,7 +45,6 @@ fn import(rows: &[(f64, Turn)], rpm: [f64; 2], as_read: impl Fn(Turn) -> Quatern
         uncertainty_deg: Some([0.5, 0.3]),
         temperature_c: None,
         note: String::new(),
-        beside: None,
     };
     write(&states, &conditions, "a.csv", &log).unwrap();
     Judged::read(&log, Want::default()).unwrap()
