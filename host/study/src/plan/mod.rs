@@ -36,28 +36,7 @@ use biflag_log::{MeasuredSensorMeta, Method, TrialMeta};
 use protocol::units::CentiRpm;
 
 /// An example of a plan with every table.
-pub const EXAMPLE: &str = r#"[session]
-name = "glycerin"        # the folder of its logs
-# robot = "fitted.toml"  # what `biflag calibrate` wrote; without it, the built-in robot
-# sensor = "sensor.toml" # what `biflag sensor` wrote; without it, the errors of the data sheet
-seed = 7                 # shuffles the order of the trials
-repeats = 1
-
-[trial]                  # seconds
-calibrate = 5            # gyroscope at rest; 0 keeps the bias in the board's settings
-preroll = 20
-run = 120
-decay = 30               # ends earlier if the robot is still
-rest_at_most = 300       # longest wait for a still robot before the calibration
-
-[speeds]                 # rpm, -90 to 90
-pairs = [[50, 15], [0, 45]]
-# All pairs of two lists, each given as first, last, step: here 190 trials.
-# grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
-
-[board]                  # optional: settings that the board gets before the first trial
-deadline_ms = 500
-"#;
+pub const EXAMPLE: &str = include_str!("example.toml");
 
 /// Largest number of trials in a plan.
 pub const MAX_TRIALS: usize = 10_000;

@@ -29,23 +29,7 @@ use std::path::Path;
 use toml::{Spanned, Value};
 
 /// An example of a plan.
-pub const EXAMPLE: &str = r#"[session]
-name = "softer"
-robot = "physical"       # or "published", or a robot file
-
-[vary]                   # numbers of the robot's file, or groups as multiples of their published values
-"fluid.viscosity_pa_s" = [0.8, 1.0, 1.2]
-"group.stiffness" = { from = 0.5, to = 2.0, count = 7, scale = "log" }
-# design = "one at a time", or { sobol = 10000, seed = 7 }, instead of all combinations
-
-[trial]
-run = 120                # seconds, at most
-method = "steady"        # solves for the steady state; "trial" runs every point that long
-phases = 4               # starting phases of the flagella, where the ratio of the speeds makes them matter
-
-[speeds]                 # rpm; every robot runs at each pair
-grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
-"#;
+pub const EXAMPLE: &str = include_str!("example.toml");
 
 /// A sweep's plan, checked.
 #[derive(Clone, PartialEq, Debug)]
