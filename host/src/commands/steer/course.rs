@@ -47,7 +47,7 @@ impl Course {
             None => {
                 let map = Map::of_table(&table, args.yaw, args.pitch)?;
                 let expected = Expected { tilt_deg: map.tilt_deg, touches: map.touches };
-                (map.wanted, map.rpm, expected, Pilot::of(Controller::new(map)))
+                (map.wanted, map.rpm, expected, Pilot::Controller(Controller::new(map).into()))
             }
             Some(command) => {
                 let target = Target::new([(Quantity::Yaw, Some(args.yaw)), (Quantity::Pitch, Some(args.pitch))])?;

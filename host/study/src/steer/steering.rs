@@ -23,8 +23,8 @@ pub struct Steering {
     speeds: [CentiRpm; 2],
     /// Time of the last observation.
     last_s: Option<f64>,
-    /// The unanswered observation.
-    asked: Option<Observation>,
+    /// The unanswered observation, and the time since the one before it, s.
+    asked: Option<(Observation, f64)>,
     /// Time since which the means have been near the target, s.
     near_since_s: Option<f64>,
 }
@@ -59,8 +59,10 @@ impl Steering {
         let is_near = observation.misses_deg().iter().all(|miss| miss.abs() <= REACHED_DEG);
         self.near_since_s = self.near_since_s.or(Some(time_s)).filter(|_| is_near);
         let period_s = self.last_s.replace(time_s).map_or(0.0, |last_s| time_s - last_s);
-        self.pilot.ask(&observation, period_s)?;
-        self.asked = Some(observation);
+        if let Pilot::Policy(policy) = &mut self.pilot {
+            policy.ask(&observation)?;
+        }
+        self.asked = Some((observation, period_s));
         Ok(())
     }
 
@@ -74,8 +76,12 @@ impl Steering {
     /// # Errors
     /// Those of a policy.
     pub fn answer(&mut self, within: Duration) -> Result<Option<SetPoint>, SteerError> {
-        let Some(observation) = self.asked else { return Ok(None) };
-        let Some(rpm) = self.pilot.answer(within)? else { return Ok(None) };
+        let Some((observation, period_s)) = self.asked else { return Ok(None) };
+        let answer = match &mut self.pilot {
+            Pilot::Controller(controller) => Some(controller.speeds(&observation, period_s)),
+            Pilot::Policy(policy) => policy.answer(within)?,
+        };
+        let Some(rpm) = answer else { return Ok(None) };
         self.asked = None;
         self.speeds = rpm.map(CentiRpm::from_rpm);
         Ok(Some(SetPoint { observation, speeds: self.speeds }))
@@ -89,44 +95,11 @@ impl Steering {
 }
 
 /// Who gives the speeds.
-#[expect(missing_docs, reason = "the variants say what their fields are")]
 pub enum Pilot {
     /// The built-in controller, which answers at once.
-    Controller { controller: Box<Controller>, answer: Option<[f64; 2]> },
+    Controller(Box<Controller>),
     /// An external program.
     Policy(Policy),
-}
-
-impl Pilot {
-    /// Returns the built-in controller as a pilot.
-    pub fn of(controller: Controller) -> Self {
-        Self::Controller { controller: Box::new(controller), answer: None }
-    }
-
-    /// Passes an observation on. `period_s`: time since the previous one.
-    ///
-    /// # Errors
-    /// Those of a policy.
-    pub(super) fn ask(&mut self, observation: &Observation, period_s: f64) -> Result<(), SteerError> {
-        match self {
-            Self::Controller { controller, answer } => {
-                *answer = Some(controller.speeds(observation, period_s));
-                Ok(())
-            }
-            Self::Policy(policy) => policy.ask(observation),
-        }
-    }
-
-    /// Returns the speeds (rpm) for the last observation; `None` if they do not arrive within this time.
-    ///
-    /// # Errors
-    /// Those of a policy.
-    pub(super) fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
-        match self {
-            Self::Controller { answer, .. } => Ok(answer.take()),
-            Self::Policy(policy) => policy.answer(within),
-        }
-    }
 }
 
 /// The times when a set-point was due, observed and in force.

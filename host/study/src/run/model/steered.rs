@@ -222,7 +222,7 @@ mod tests {
         let options = Options { rate_hz: RATE_HZ, shapes: false };
         let model = Model::new(robot, Settings::DEFAULT, Closure::Full, Method::Trial, options);
         let meta = SteerMeta { yaw_deg: wanted.yaw_deg, pitch_deg: wanted.pitch_deg, ..SteerMeta::default() };
-        let mut steering = Steering::new(wanted, Pilot::of(Controller::new(map)));
+        let mut steering = Steering::new(wanted, Pilot::Controller(Controller::new(map).into()));
         let run = steer(&model, &plan, &plan.trials[0], (&mut steering, &meta), (1, &path), &|_| true).unwrap();
         assert!(run.error.is_none() && run.tally.late == 0 && run.tally.steps == 2000, "{run:?}");
         assert!(steering.reached_s().is_some_and(|reached_s| reached_s < 60.0), "{:?}", steering.reached_s());

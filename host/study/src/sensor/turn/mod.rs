@@ -94,7 +94,6 @@ pub struct TurnWatch {
     since_s: Option<f64>,
     /// Angle since the previous rest, without that rest's bias, degrees.
     angle_deg: [f64; 3],
-    previous: Option<RawReading>,
     turns: Vec<Turn>,
     forces_g: Vec<[f64; 3]>,
 }
@@ -123,16 +122,15 @@ impl TurnWatch {
     /// [`NotMeasured`] after a mistake of the hand.
     pub fn push(&mut self, reading: &RawReading) -> Result<TurnStep, NotMeasured> {
         let since_s = *self.since_s.get_or_insert(reading.time_s);
-        self.readings.push(*reading);
         let motion = self.rests.push(reading);
         let rest = *self.rests.rest();
-        if let (Some(from), Some(previous)) = (&self.from, self.previous) {
+        if let (Some(from), Some(previous)) = (&self.from, self.readings.last()) {
             let dt = reading.time_s - previous.time_s;
             for i in 0..3 {
                 self.angle_deg[i] += dt * (0.5 * (reading.rate_dps[i] + previous.rate_dps[i]) - from.rate_dps[i]);
             }
         }
-        self.previous = Some(*reading);
+        self.readings.push(*reading);
         let is_resting = self.rests.is_resting();
         let angle_deg = self.angle_deg[self.plan.axis];
         let Some(from) = self.from else {
