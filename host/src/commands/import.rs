@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let output = args.output.clone().unwrap_or_else(|| args.csv.with_extension("mcap"));
     let table = args.csv.display().to_string();
     let rows = Table::read(&args.csv, args.skip)?;
-    let mapping = mapping.ok_or_else(|| which_columns(&table, rows.header()))?;
+    let mapping = mapping.ok_or_else(|| which_columns(&table, &rows.header))?;
     let mut states = rows.states(&mapping)?;
     let mut conditions = Conditions {
         speeds: args.speeds,

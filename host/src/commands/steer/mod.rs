@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         origin: trial.data.origin().name(),
         wanted,
         held: Held::of(&trial),
-        reached_s: steering.reached_s(),
+        reached_s: steering.reached_s,
         steps: ran.tally.steps,
         late_steps: ran.tally.late,
         latency_p50_s: ran.tally.latency_s(0.5),

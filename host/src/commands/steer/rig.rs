@@ -57,7 +57,7 @@ pub fn steer(
     let start = run::start(plan, trial, attempt, origin, Some(board), SystemTime::now());
 
     let mut progress = Progress::new(trial.phases.total_s());
-    let Wanted { yaw_deg, pitch_deg } = steering.wanted();
+    let Wanted { yaw_deg, pitch_deg } = steering.wanted;
     progress.line(&format!("to hold: yaw {yaw_deg}°, pitch {pitch_deg}°, for {} s", trial.phases.run_s));
     let (rest_s, run_s) = (trial.phases.preroll_s.max(1.0), trial.phases.run_s);
     let notes = note_of_sensor.into_iter().chain(expected.note());

@@ -26,7 +26,7 @@ pub struct ContactChange {
 /// [`AimError::Interrupted`] and [`AimError::TimeOver`].
 pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Option<ContactChange>, AimError> {
     let rpm = state.rpm();
-    let others = table.rows().iter().filter(|row| row.touches().is_some_and(|touches| touches != state.touches()));
+    let others = table.rows.iter().filter(|row| row.touches().is_some_and(|touches| touches != state.touches()));
     let Some(other) = others.min_by(|a, b| distance(a.rpm, rpm).total_cmp(&distance(b.rpm, rpm))) else {
         return Ok(None);
     };
@@ -35,7 +35,7 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
     let differs = |far: f64| differs(model, along(far), state.touches());
     // No row nearer than `other` differs. The model verifies this at the end, unless the search has already confirmed a
     // nearer bound.
-    let mut same = (away - 1.5 * table.spacing_rpm()).max(0.0);
+    let mut same = (away - 1.5 * table.spacing_rpm).max(0.0);
     let mut is_verified = same == 0.0;
     let mut changed = away;
     let mut next = 0.5 * (same + changed);

@@ -173,7 +173,7 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
     let until = |share: f64| Model { until: begun.checked_add(longest.mul_f64(share)), ..*model };
     let (model, whole) = (until(FOR_SPEEDS), until(1.0));
     let describe = |found: &Found| describe(&whole, known, table, target, found);
-    let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD, values: VALUES };
+    let goal = Goal { target, thrust_step_n: table.thrust_step_n, close: GOOD, values: VALUES };
     let starts = propose(table, goal)?;
     let mut nearest: Option<Found> = None;
     let mut solutions: Vec<(f64, Solution)> = Vec::new();
@@ -219,7 +219,7 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
             Some(unknown.into_iter().next().map_or_else(|| describe(&nearest), Ok)?)
         }
         None if unfinished.is_empty() => {
-            return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows().len() }));
+            return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows.len() }));
         }
         _ => None,
     };

@@ -34,7 +34,7 @@ pub struct Nearest {
 /// # Errors
 /// [`AimError::TooSmall`].
 pub fn nearest(table: &Table, target: &Target) -> Result<Nearest, AimError> {
-    let thrust_step_n = table.thrust_step_n();
+    let thrust_step_n = table.thrust_step_n;
     let starts = propose(table, Goal { target, thrust_step_n, close: CLOSE, values: VALUES })?;
     let found = starts.iter().map(|start| {
         let about = table.about(start.rpm);
@@ -46,7 +46,7 @@ pub fn nearest(table: &Table, target: &Target) -> Result<Nearest, AimError> {
     let by_rank = |(start, found): &(&Start, Nearest)| (start.is_unlikely, !found.answers());
     let first = (starts.iter().zip(found))
         .min_by(|a, b| by_rank(a).cmp(&by_rank(b)).then(a.1.contact_share.total_cmp(&b.1.contact_share)));
-    first.map(|(_, found)| found).ok_or(AimError::TooSmall { rows: table.rows().len() })
+    first.map(|(_, found)| found).ok_or(AimError::TooSmall { rows: table.rows.len() })
 }
 
 impl Nearest {

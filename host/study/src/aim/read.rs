@@ -92,14 +92,14 @@ mod tests {
     #[test]
     fn the_shipped_map_is_whole_and_mirrored() {
         let table = shipped().unwrap();
-        let at = |w1: f64, w2: f64| table.rows().iter().find(|row| row.rpm == [w1, w2]).unwrap().attitude;
+        let at = |w1: f64, w2: f64| table.rows.iter().find(|row| row.rpm == [w1, w2]).unwrap().attitude;
         let (one, other) = (at(50.0, 10.0), at(10.0, 50.0));
         assert!(one.pitch_deg < -3.0 && one.yaw_deg < -60.0, "{one:?}");
         assert_eq!(
             (one.yaw_deg, one.pitch_deg, one.roll_deg, one.thrust_n),
             (other.yaw_deg, -other.pitch_deg, -other.roll_deg, other.thrust_n)
         );
-        assert!(table.rows().iter().any(|row| row.touches() == Some(true)));
+        assert!(table.rows.iter().any(|row| row.touches() == Some(true)));
         // Between its rows.
         let between = table.about([35.0, 5.0]).at([35.0, 5.0]);
         let rows = [at(30.0, 0.0), at(30.0, 10.0), at(40.0, 0.0), at(40.0, 10.0)];
@@ -122,7 +122,7 @@ mod tests {
         let mut robot = Robot::default();
         robot.fluid.viscosity_pa_s = 1.15;
         let table = load(&path, &robot).unwrap();
-        assert_eq!(table.rows().len(), 16);
+        assert_eq!(table.rows.len(), 16);
         let target = Target { wanted: vec![(Quantity::Yaw, 61.0), (Quantity::Pitch, 9.0)] };
         assert_eq!(table.nearest(&target)[0].rpm, [20.0, 10.0]);
         let local = table.about([20.0, 10.0]);

@@ -42,11 +42,12 @@ impl Row {
 /// A table of steady states of one robot.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Table {
-    rows: Vec<Row>,
+    /// The rows.
+    pub rows: Vec<Row>,
     /// Typical distance between neighbouring rows, rpm.
-    spacing_rpm: f64,
-    /// A hundredth of the range of thrusts, N.
-    thrust_step_n: f64,
+    pub spacing_rpm: f64,
+    /// A hundredth of the range of thrusts, N: the thrust error that counts as much as one degree.
+    pub thrust_step_n: f64,
 }
 
 impl Table {
@@ -74,21 +75,6 @@ impl Table {
         let spacing_rpm = (area / rows.len() as f64).sqrt();
         let thrust_step_n = (0.01 * range(&|row| row.attitude.thrust_n)).max(f64::MIN_POSITIVE);
         Ok(Self { rows, spacing_rpm, thrust_step_n })
-    }
-
-    /// Returns the rows.
-    pub fn rows(&self) -> &[Row] {
-        &self.rows
-    }
-
-    /// Returns the typical distance between neighbouring rows, rpm.
-    pub fn spacing_rpm(&self) -> f64 {
-        self.spacing_rpm
-    }
-
-    /// Returns the thrust error that counts as much as one degree, N.
-    pub fn thrust_step_n(&self) -> f64 {
-        self.thrust_step_n
     }
 
     /// Returns the share of contact at the row nearest to these speeds, 0 if the table does not say.

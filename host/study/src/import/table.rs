@@ -95,18 +95,14 @@ impl States {
 #[derive(Clone, Debug)]
 pub struct Table {
     name: String,
-    header: Vec<String>,
+    /// Names of the columns; empty if the table has none.
+    pub header: Vec<String>,
     /// Line and cells of each row.
     rows: Vec<(u64, Vec<String>)>,
     sha256: String,
 }
 
 impl Table {
-    /// Returns the names of the columns; empty if the table has none.
-    pub fn header(&self) -> &[String] {
-        &self.header
-    }
-
     /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
     /// line holds the names of the columns, unless all its cells are numbers. Column numbers, which programs write
     /// instead of names, count as names, too. `skip`: lines before it that are none of the table.

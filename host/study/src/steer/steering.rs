@@ -16,7 +16,8 @@ pub struct SetPoint {
 
 /// A steered run.
 pub struct Steering {
-    wanted: Wanted,
+    /// The target attitude.
+    pub wanted: Wanted,
     pilot: Pilot,
     means: Means,
     /// Speeds of the last set-point.
@@ -25,8 +26,8 @@ pub struct Steering {
     last_s: Option<f64>,
     /// The unanswered observation, and the time since the one before it, s.
     asked: Option<(Observation, f64)>,
-    /// Time since which the means have been near the target, s.
-    near_since_s: Option<f64>,
+    /// Time since which the means have been near the target, s from the start of the run; `None` if they are not.
+    pub reached_s: Option<f64>,
 }
 
 impl Steering {
@@ -39,13 +40,8 @@ impl Steering {
             speeds: [CentiRpm(0); 2],
             last_s: None,
             asked: None,
-            near_since_s: None,
+            reached_s: None,
         }
-    }
-
-    /// Returns the target attitude.
-    pub fn wanted(&self) -> Wanted {
-        self.wanted
     }
 
     /// Passes on the measured state at a time since the start of the run.
@@ -57,7 +53,7 @@ impl Steering {
         let [mean_yaw_deg, mean_pitch_deg] = self.means.over_turns(self.speeds.map(CentiRpm::rpm));
         let observation = Observation { time_s, wanted: self.wanted, measured, mean_yaw_deg, mean_pitch_deg };
         let is_near = observation.misses_deg().iter().all(|miss| miss.abs() <= REACHED_DEG);
-        self.near_since_s = self.near_since_s.or(Some(time_s)).filter(|_| is_near);
+        self.reached_s = self.reached_s.or(Some(time_s)).filter(|_| is_near);
         let period_s = self.last_s.replace(time_s).map_or(0.0, |last_s| time_s - last_s);
         if let Pilot::Policy(policy) = &mut self.pilot {
             policy.ask(&observation)?;
@@ -85,12 +81,6 @@ impl Steering {
         self.asked = None;
         self.speeds = rpm.map(CentiRpm::from_rpm);
         Ok(Some(SetPoint { observation, speeds: self.speeds }))
-    }
-
-    /// Returns the time since which the means have been near the target, s from the start of the run; `None` if they
-    /// are not near it.
-    pub fn reached_s(&self) -> Option<f64> {
-        self.near_since_s
     }
 }
 

@@ -106,7 +106,7 @@ impl Folder {
             let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::of_part(&path))? else { continue };
             while let Some(record) = reader.next().map_err(SweepError::at(&path))? {
                 if self.has(&record) {
-                    with(reader.origin(), record)?;
+                    with(&reader.origin, record)?;
                 }
             }
             if let Some(rate) = reader.rate(now_s).map_err(SweepError::at(&path))? {

@@ -131,7 +131,7 @@ pub struct PartReader {
     /// When the worker started, seconds after 1970.
     started_s: f64,
     /// The origin of the last point.
-    origin: Origin,
+    pub origin: Origin,
     points: u64,
     /// Whether there are no more frames to read.
     at_end: bool,
@@ -196,11 +196,6 @@ impl PartReader {
                 Some(Entry::Started(_)) | None => return Ok(None),
             }
         }
-    }
-
-    /// Returns the origin of the last point.
-    pub fn origin(&self) -> &Origin {
-        &self.origin
     }
 
     /// Returns whether a closed part is cut off or damaged. Call it after reading the last point.

@@ -37,7 +37,7 @@ impl Folder {
                         && counts.add(index, &record.outcome)
                     {
                         record.index = index;
-                        part.push_from(reader.origin(), record.clone()).map_err(SweepError::at(&self.path))?;
+                        part.push_from(&reader.origin, record.clone()).map_err(SweepError::at(&self.path))?;
                     }
                 }
             }

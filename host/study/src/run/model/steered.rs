@@ -225,7 +225,7 @@ mod tests {
         let mut steering = Steering::new(wanted, Pilot::Controller(Controller::new(map).into()));
         let run = steer(&model, &plan, &plan.trials[0], (&mut steering, &meta), (1, &path), &|_| true).unwrap();
         assert!(run.error.is_none() && run.tally.late == 0 && run.tally.steps == 2000, "{run:?}");
-        assert!(steering.reached_s().is_some_and(|reached_s| reached_s < 60.0), "{:?}", steering.reached_s());
+        assert!(steering.reached_s.is_some_and(|reached_s| reached_s < 60.0), "{:?}", steering.reached_s);
 
         let trial = Judged::read(&path, Want::default()).unwrap();
         let (held, data) = (Held::of(&trial).unwrap(), trial.data);
