@@ -31,11 +31,8 @@ impl HandTurn {
     /// Compares the measured turns about the body's axes with the true turn. Returns a sentence, and whether they agree
     /// within the sensor's tolerance.
     pub fn verdict(&self, turned_deg: [f64; 3]) -> (String, bool) {
-        let (axis, name) = match self.axis {
-            Axis::X => (0, "x"),
-            Axis::Y => (1, "y"),
-            Axis::Z => (2, "z"),
-        };
+        let axis = self.axis as usize;
+        let name = ["x", "y", "z"][axis];
         let measured = turned_deg[axis];
         let error_percent = 100.0 * (measured / self.degrees - 1.0);
         let agrees = error_percent.abs() <= TOLERANCE_PERCENT;
