@@ -8,7 +8,7 @@ use super::{Skipped, Source, TwinError, replay_folder, speeds};
 use crate::plan::{Phase, Plan, RobotFile, Schedule, Trial};
 use crate::program;
 use crate::progress::Progress;
-use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
+use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun, pool};
 use crate::session::{Attempt, Session};
 use crate::trial::{Data, Finding, Judged, LogFinding, Want};
 use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, RobotMeta, SteadyMeta, last_meta};
@@ -217,11 +217,6 @@ pub fn replay<T: Send>(
     replays.trials.sort_by_key(|(replayed, _)| replayed.trial.index);
     replays.skipped.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(replays)
-}
-
-/// Returns a pool of threads.
-pub(super) fn pool(jobs: usize) -> Result<rayon::ThreadPool, TwinError> {
-    Ok(rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(ModelError::Threads)?)
 }
 
 /// Returns the model and the course of a replay, and how its helix angles can be found if the result depends on them.

@@ -69,9 +69,8 @@ impl<'a> Batch<'a> {
             Err(ModelError::Interrupted) => None,
             result => Some(result),
         };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(ModelError::Threads)?;
         // A bridge hands out the trials one by one, so an interruption leaves the first trials of the plan complete.
-        let runs: Result<Vec<_>, _> = pool.install(|| jobs.iter().par_bridge().filter_map(one).collect());
+        let runs: Result<Vec<_>, _> = pool(threads)?.install(|| jobs.iter().par_bridge().filter_map(one).collect());
         let mut runs = runs?;
         runs.sort_by_key(|run| run.trial.index);
         Ok(runs)
@@ -121,6 +120,11 @@ impl<'a> Batch<'a> {
         let all_ms = self.simulated_ms.fetch_add(passed_ms, Ordering::Relaxed) + passed_ms;
         self.progress.within(all_ms as f64 * 1e-3);
     }
+}
+
+/// Returns a pool of threads.
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, ModelError> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(ModelError::Threads)
 }
 
 /// Gives a finished log its name, and syncs the folder.

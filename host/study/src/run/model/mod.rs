@@ -15,6 +15,7 @@ mod phases;
 mod steered;
 mod trial;
 
+pub(crate) use batch::pool;
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;

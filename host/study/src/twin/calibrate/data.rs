@@ -8,6 +8,7 @@ use crate::session::Attempt;
 use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
 use crate::twin::sensor_key::SensorKey;
 use biflag_log::Origin;
+use nalgebra::DVector;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -83,9 +84,8 @@ impl FitTrial {
         let count = ((end - run.start) / BLOCK_S).floor() as usize;
         let block = |i: usize| run.start + i as f64 * BLOCK_S..run.start + (i + 1) as f64 * BLOCK_S;
         let middle = |i: usize| run.start + (i as f64 + 0.5) * BLOCK_S;
-        let means = |track: crate::attitude::Track| {
-            (0..count).map(|i| track.mean(block(i)).unwrap_or_default()).collect::<Vec<_>>()
-        };
+        let means =
+            |track: crate::attitude::Track| DVector::from_fn(count, |i, _| track.mean(block(i)).unwrap_or_default());
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let errors = match zeroed.over_time(&centres, BLOCK_S) {
             [Some(yaw), Some(pitch), Some(roll)] => [yaw, pitch, roll],
@@ -138,11 +138,9 @@ impl FitTrial {
 
     /// Returns whether both are the same recording, possibly copied, recovered or cut.
     pub(super) fn is_copy_of(&self, other: &Self) -> bool {
-        let same = |(one, other): (&Vec<f64>, &Vec<f64>)| {
-            let count = one.len().min(other.len());
-            one[..count] == other[..count]
-        };
-        self.measured.iter().zip(&other.measured).all(same)
+        let count = self.blocks().min(other.blocks());
+        let of = |trial: &Self| trial.measured.each_ref().map(|block| block.rows(0, count).into_owned());
+        of(self) == of(other)
     }
 
     /// Returns the model's blocks of the trial; `None` if the solver fails.
@@ -150,7 +148,7 @@ impl FitTrial {
         let robot = &self.fluid.of(robot);
         let rate_hz = SAMPLES as f64 / BLOCK_S;
         let options = Options { rate_hz, shapes: false };
-        let mut blocks: Blocks = Default::default();
+        let mut blocks: [Vec<f64>; 3] = Default::default();
         let mut sums = [0.0; 3];
         // Samples are in the middle of the run's steps, so that their mean is the block's mean.
         let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
@@ -168,10 +166,9 @@ impl FitTrial {
             }
         }
         // The last block may have fewer samples.
-        let last = blocks.each_ref().map(|block| block.last().copied().unwrap_or_default());
-        for (block, last) in blocks.iter_mut().zip(last) {
-            block.resize(self.blocks(), last);
-        }
-        Some(blocks)
+        Some(blocks.map(|block| {
+            let last = block.last().copied().unwrap_or_default();
+            DVector::from_fn(self.blocks(), |i, _| block.get(i).copied().unwrap_or(last))
+        }))
     }
 }

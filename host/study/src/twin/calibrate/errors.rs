@@ -4,7 +4,7 @@ use super::Blocks;
 use crate::sensor::index::MOUNTING_YAW;
 use crate::trial::OverTime;
 use crate::twin::sensor_key::SensorKey;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use sim::functions::powi;
 
 /// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
@@ -66,8 +66,8 @@ impl Correlated {
     }
 
     /// Estimates variance and correlation from the residuals of trials.
-    fn of<'a>(residuals: impl Iterator<Item = &'a Vec<f64>> + Clone) -> Self {
-        let sum = |of: &dyn Fn(&[f64]) -> f64| residuals.clone().map(|residual| of(residual)).sum::<f64>();
+    fn of<'a>(residuals: impl Iterator<Item = &'a DVector<f64>> + Clone) -> Self {
+        let sum = |of: &dyn Fn(&[f64]) -> f64| residuals.clone().map(|residual| of(residual.as_slice())).sum::<f64>();
         let count = sum(&|residual| residual.len() as f64);
         let squares = sum(&|residual| residual.iter().map(|value| value * value).sum());
         let products = sum(&|residual| residual.windows(2).map(|pair| pair[0] * pair[1]).sum());
@@ -113,12 +113,10 @@ mod tests {
         };
         let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
         let mut value = 0.0;
-        let residuals: Vec<f64> = (0..20_000)
-            .map(|_| {
-                value = 0.9 * value + 0.3 * (1.0f64 - 0.81).sqrt() * normal();
-                value
-            })
-            .collect();
+        let residuals = DVector::from_fn(20_000, |_, _| {
+            value = 0.9 * value + 0.3 * (1.0f64 - 0.81).sqrt() * normal();
+            value
+        });
         let found = Correlated::of([residuals].iter());
         assert!((found.step - 0.9).abs() < 0.01 && (found.variance.sqrt() - 0.3).abs() < 0.02, "{found:?}");
         assert!((found.independent(1900) - 100.0).abs() < 15.0);

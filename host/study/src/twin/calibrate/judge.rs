@@ -6,6 +6,7 @@ use super::weights::Weights;
 use super::{ASSUMED_REST_DEG, Blocks, Parameter};
 use crate::plan::{FittedParameter, MAX_FACTOR};
 use crate::text;
+use crate::trial::sensor_error;
 use nalgebra::DMatrix;
 use sim::accuracy::ModelError;
 use sim::functions::powi;
@@ -100,7 +101,7 @@ pub(super) fn misfits(
     let mut found: Vec<(f64, String)> = Vec::new();
     for (trial, left) in trials.iter().zip(&left) {
         for (k, angle) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
-            let [residual_deg, noise_deg] = residual_and_noise(&trial.errors, k, &left[k]);
+            let [residual_deg, noise_deg] = residual_and_noise(&trial.errors, k, left[k].as_slice());
             let of_model_deg = if trial.is_real { model_error_deg(model_error, trial, k) } else { 0.0 };
             let ratio = residual_deg / noise_deg;
             if residual_deg > MISFIT * noise_deg + of_model_deg {
@@ -117,14 +118,15 @@ pub(super) fn misfits(
     if found.len() > NAMED {
         said.push(format!("residuals of {} more angles are more than {MISFIT} times their noise", found.len() - NAMED));
     }
-    for sensor in weights.sensors(errors) {
-        let Some((name, error)) = sensor.each.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else { continue };
+    for (first, each) in weights.sensors(errors) {
+        let Some((k, error)) = each.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else { continue };
         if error.abs() > SENSOR_LIMIT {
             said.push(format!(
-                "the fit takes an error of the sensor ({name}) to be {:.0} times its standard uncertainty, for {} and the \
+                "the fit takes an error of the sensor ({}) to be {:.0} times its standard uncertainty, for {} and the \
                  other trials of its board",
+                sensor_error(k),
                 error.abs(),
-                trials[sensor.trial].name
+                trials[first].name
             ));
         }
     }

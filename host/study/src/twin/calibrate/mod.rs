@@ -38,14 +38,12 @@ pub use parameter::Parameter;
 pub use result::{Calibration, Fitted, Mounting, to_toml};
 
 use super::TwinError;
-use super::replay::pool;
 use crate::attitude::wrapped;
 use crate::plan::FittedParameter;
-use crate::statistics::{effective_freedom, student_95};
+use crate::run::model::pool;
 use crate::trial::LogFinding;
-use errors::Correlated;
 use levenberg_marquardt::LevenbergMarquardt;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use problem::{Given, Problem};
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
@@ -53,11 +51,11 @@ use sim::functions::{hypot, powi};
 use sim::params::Robot;
 use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use uncertainty::Response;
+use uncertainty::Spread;
 use weights::Weights;
 
 /// Yaw, pitch and roll of every block of a trial, degrees.
-type Blocks = [Vec<f64>; 3];
+type Blocks = [DVector<f64>; 3];
 
 /// Relative change of the parameters below which the fit has converged: a fraction of a standard error.
 const PRECISION: f64 = 1e-3;
@@ -67,9 +65,6 @@ const MAX_EVALS_PER_PARAM: usize = 20;
 
 /// Standard deviation of the remaining error of a block assumed by the weights of the fit, degrees.
 const ASSUMED_REST_DEG: f64 = 0.1;
-
-/// Next least-squares step, in standard errors, above which the fit has not reached the minimum.
-const LEFT_TO_GO: f64 = 1.0;
 
 /// The settings of a fit.
 #[derive(Debug)]
@@ -185,62 +180,6 @@ fn fitted(trials: &[FitTrial], before: &[Blocks], after: &[Blocks]) -> Vec<Fitte
     trials.iter().zip(before).zip(after).map(one).collect()
 }
 
-/// The uncertainty of the fitted parameters, in the fit's variables.
-struct Spread {
-    /// Covariance of all errors except the model's.
-    covariance: DMatrix<f64>,
-    /// The part due to the scatter of the residuals.
-    scatter: DMatrix<f64>,
-    /// Degrees of freedom of the scatter.
-    degrees_of_freedom: f64,
-    /// Quantile of each parameter, with its effective degrees of freedom.
-    quantiles: Vec<f64>,
-    /// Possible change of each parameter due to the model's error; `None` for simulated robots.
-    model_errors: Option<Vec<f64>>,
-    /// The step that least squares would take next.
-    next_step: Vec<f64>,
-}
-
-impl Spread {
-    fn of(problem: &Problem, errors: &[Blocks], model_error: &ModelError) -> Result<Self, TwinError> {
-        let Given { trials, parameters, weights, .. } = problem.given;
-        let response = Response::new(problem)?;
-        // Residuals that the sensor explains are not scatter.
-        let scatter = Correlated::of_angles(&weights.without_sensors(errors));
-        let [by_scatter, stated] = response.covariances(&scatter);
-        // The fitted parameters absorb part of the residuals.
-        let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
-        let independent: f64 = scatter.iter().map(|scatter| scatter.independent(blocks)).sum();
-        let degrees_of_freedom = (independent - parameters.len() as f64).max(1.0);
-        let scatter = by_scatter * (independent / degrees_of_freedom).max(1.0);
-        let mut covariance = stated + &scatter;
-        for (i, parameter) in parameters.iter().enumerate() {
-            covariance[(i, i)] += powi(parameter.solver_error(), 2);
-        }
-        // Welch and Satterthwaite (GUM, G.2b): all other causes are of type B.
-        let effective =
-            |i: usize| effective_freedom(covariance[(i, i)], std::iter::once((scatter[(i, i)], degrees_of_freedom)));
-        Ok(Self {
-            quantiles: (0..parameters.len()).map(|i| student_95(effective(i))).collect(),
-            model_errors: trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(model_error)),
-            next_step: response.change(errors).iter().map(|change| -change).collect(),
-            covariance,
-            scatter,
-            degrees_of_freedom,
-        })
-    }
-
-    fn deviation(&self, i: usize) -> f64 {
-        self.covariance[(i, i)].max(0.0).sqrt()
-    }
-
-    /// Returns the names of the parameters that have not reached the minimum.
-    fn short_of_minimum(&self, parameters: &[Parameter]) -> Vec<&'static str> {
-        let is_short = |i: &usize| self.next_step[*i].abs() > LEFT_TO_GO * self.deviation(*i);
-        (0..parameters.len()).filter(is_short).map(|i| parameters[i].name()).collect()
-    }
-}
-
 /// Returns the fitted parameters. `start`: the robot before the search for the phases.
 fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<FittedParameter> {
     let Given { parameters, closure, .. } = problem.given;
@@ -296,7 +235,7 @@ fn minimise(problem: Problem) -> Result<Problem, TwinError> {
     Ok(problem)
 }
 
-fn rms<'a>(blocks: impl Iterator<Item = &'a Vec<f64>>) -> f64 {
+fn rms<'a>(blocks: impl Iterator<Item = &'a DVector<f64>>) -> f64 {
     let (sum, count) = blocks.fold((0.0, 0usize), |(sum, count), block| {
         (sum + block.iter().map(|value| value * value).sum::<f64>(), count + block.len())
     });

@@ -154,10 +154,8 @@ impl<'a> Problem<'a> {
                 Some(there) => (there, 1.0),
                 None => (changed(i, -1.0)?, -1.0),
             };
-            let slope = |there: &Vec<f64>, here: &Vec<f64>| {
-                there.iter().zip(here).map(|(there, here)| sign * (there - here) / FD_STEP).collect()
-            };
-            let of_trial = |(there, here): (&Blocks, &Blocks)| [0, 1, 2].map(|k| slope(&there[k], &here[k]));
+            let of_trial =
+                |(there, here): (&Blocks, &Blocks)| difference(there, here).map(|change| change * sign / FD_STEP);
             Some(there.iter().zip(&now).map(of_trial).collect())
         };
         (0..self.given.parameters.len()).into_par_iter().map(slopes).collect()
@@ -192,22 +190,20 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Returns the errors of a trial, modelled minus measured, degrees.
-fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
-    [0, 1, 2].map(|k| modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect())
+fn difference(one: &Blocks, other: &Blocks) -> Blocks {
+    [0, 1, 2].map(|k| &one[k] - &other[k])
 }
 
 /// Returns the blocks of a sensor rotated by `yaw` (rad) about z in the body.
 fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     let turn = of_vector(Vector3::z() * yaw);
-    let mut result: Blocks = Default::default();
-    for ((psi, theta), phi) in blocks[0].iter().zip(&blocks[1]).zip(&blocks[2]) {
+    let mut result = blocks.clone();
+    let [psi, theta, phi] = &mut result;
+    for ((psi, theta), phi) in psi.iter_mut().zip(theta).zip(phi) {
         // Only the tilt changes: a rotation about z commutes with the yaw, so the yaw keeps its full turns.
         let tilt = of_euler_zyx([0.0, theta.to_radians(), phi.to_radians()]);
         let [rest, pitch, roll] = euler_zyx(&(tilt * turn));
-        result[0].push(psi + (rest - yaw).to_degrees());
-        result[1].push(pitch.to_degrees());
-        result[2].push(roll.to_degrees());
+        (*psi, *theta, *phi) = (*psi + (rest - yaw).to_degrees(), pitch.to_degrees(), roll.to_degrees());
     }
     result
 }
@@ -245,11 +241,11 @@ mod tests {
 
     #[test]
     fn rotated_sensor_exchanges_pitch_and_roll() {
-        let blocks = [vec![725.0], vec![4.0], vec![0.0]];
+        let blocks = [725.0, 4.0, 0.0].map(|deg| DVector::repeat(1, deg));
         let quarter = turned(&blocks, std::f64::consts::FRAC_PI_2);
         assert!((quarter[0][0] - 725.0).abs() < 1e-9 && quarter[1][0].abs() < 1e-9, "{quarter:?}");
         assert!((quarter[2][0] - -4.0).abs() < 1e-9 || (quarter[2][0] - 4.0).abs() < 1e-9, "{quarter:?}");
-        let back = turned(&turned(&[vec![-400.0], vec![6.0], vec![-3.0]], 0.3), -0.3);
+        let back = turned(&turned(&[-400.0, 6.0, -3.0].map(|deg| DVector::repeat(1, deg)), 0.3), -0.3);
         assert!(
             (back[0][0] + 400.0).abs() < 1e-9 && (back[1][0] - 6.0).abs() < 1e-9 && (back[2][0] + 3.0).abs() < 1e-9
         );

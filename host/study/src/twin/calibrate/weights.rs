@@ -14,7 +14,6 @@
 
 use super::errors::TrialErrors;
 use super::{Blocks, TwinError, failed};
-use crate::trial::sensor_error;
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -41,14 +40,6 @@ struct OfSensor {
     trials: Vec<usize>,
     /// K.
     factor: Cholesky<f64, Dyn>,
-}
-
-/// Errors of a sensor, estimated by a fit.
-pub(super) struct SensorErrors {
-    /// The first trial of the sensor.
-    pub trial: usize,
-    /// The name of each error, and the error in standard uncertainties.
-    pub each: Vec<(&'static str, f64)>,
 }
 
 impl Weights {
@@ -110,7 +101,7 @@ impl Weights {
         let mut product = DMatrix::identity(of.common[0].ncols(), of.common[0].ncols());
         let (mut square, mut shown) = (0.0, DVector::zeros(product.nrows()));
         for ((factor, common), block) in of.own.iter().zip(&of.common).zip(errors) {
-            let mut own = DVector::from_column_slice(block);
+            let mut own = block.clone();
             factor.l_dirty().solve_lower_triangular_mut(&mut own);
             square += own.norm_squared();
             shown += common.tr_mul(&own);
@@ -136,33 +127,30 @@ impl Weights {
                 factor.l_dirty().tr_solve_lower_triangular_mut(block);
             }
         }
-        as_blocks(whole)
+        whole
     }
 
     /// Returns errors minus the effects of the sensor errors estimated from them.
     pub fn without_sensors(&self, errors: &[Blocks]) -> Vec<Blocks> {
         let found = self.found(&self.own(errors));
-        as_blocks(self.plus(columns(errors), &found, |trial| &trial.effects))
+        self.plus(errors.to_vec(), &found, |trial| &trial.effects)
     }
 
-    /// Returns the sensor errors estimated from the errors of the data.
-    pub fn sensors(&self, errors: &[Blocks]) -> Vec<SensorErrors> {
+    /// Returns the first trial of each sensor, and the sensor's errors ([`crate::trial::sensor_error`]) in standard
+    /// uncertainties, estimated from the errors of the data.
+    pub fn sensors(&self, errors: &[Blocks]) -> Vec<(usize, DVector<f64>)> {
         let found = self.found(&self.own(errors));
-        let of = |(sensor, found): (&OfSensor, DVector<f64>)| SensorErrors {
-            trial: sensor.trials[0],
-            each: found.iter().enumerate().map(|(k, value)| (sensor_error(k), *value)).collect(),
-        };
-        self.sensors.iter().zip(found).map(of).collect()
+        self.sensors.iter().map(|sensor| sensor.trials[0]).zip(found).collect()
     }
 
     /// Returns the products of the effects of each sensor with weights of the blocks.
     pub fn of_sensors(&self, weights: &[Blocks]) -> Vec<DVector<f64>> {
-        self.products(&columns(weights), |trial| &trial.effects)
+        self.products(weights, |trial| &trial.effects)
     }
 
     /// Returns w.
-    fn own(&self, errors: &[Blocks]) -> Vec<[DVector<f64>; 3]> {
-        let mut own = columns(errors);
+    fn own(&self, errors: &[Blocks]) -> Vec<Blocks> {
+        let mut own = errors.to_vec();
         for (trial, own) in self.trials.iter().zip(&mut own) {
             for (factor, block) in trial.own.iter().zip(own) {
                 factor.l_dirty().solve_lower_triangular_mut(block);
@@ -172,17 +160,13 @@ impl Weights {
     }
 
     /// Returns δ̂ of each sensor.
-    fn found(&self, own: &[[DVector<f64>; 3]]) -> Vec<DVector<f64>> {
+    fn found(&self, own: &[Blocks]) -> Vec<DVector<f64>> {
         let products = self.products(own, |trial| &trial.common);
         self.sensors.iter().zip(products).map(|(sensor, product)| -sensor.factor.solve(&product)).collect()
     }
 
     /// Returns, for each sensor, the transposed matrix of its trials times values.
-    fn products(
-        &self,
-        values: &[[DVector<f64>; 3]],
-        matrix: impl Fn(&OfTrial) -> &[DMatrix<f64>; 3],
-    ) -> Vec<DVector<f64>> {
+    fn products(&self, values: &[Blocks], matrix: impl Fn(&OfTrial) -> &[DMatrix<f64>; 3]) -> Vec<DVector<f64>> {
         let of = |sensor: &OfSensor| {
             let mut product = DVector::zeros(sensor.factor.l_dirty().nrows());
             for i in &sensor.trials {
@@ -198,10 +182,10 @@ impl Weights {
     /// Returns values plus, for each sensor, the matrix of its trials times the sensor's errors.
     fn plus(
         &self,
-        mut values: Vec<[DVector<f64>; 3]>,
+        mut values: Vec<Blocks>,
         found: &[DVector<f64>],
         matrix: impl Fn(&OfTrial) -> &[DMatrix<f64>; 3],
-    ) -> Vec<[DVector<f64>; 3]> {
+    ) -> Vec<Blocks> {
         for (sensor, found) in self.sensors.iter().zip(found) {
             for i in &sensor.trials {
                 for (matrix, block) in matrix(&self.trials[*i]).iter().zip(&mut values[*i]) {
@@ -217,18 +201,10 @@ fn invalid() -> TwinError {
     failed("the noise of a trial has no valid covariance", "leave out trials whose logs are damaged")
 }
 
-fn columns(blocks: &[Blocks]) -> Vec<[DVector<f64>; 3]> {
-    blocks.iter().map(|blocks| blocks.each_ref().map(|block| DVector::from_column_slice(block))).collect()
-}
-
-fn as_blocks(columns: Vec<[DVector<f64>; 3]>) -> Vec<Blocks> {
-    columns.into_iter().map(|columns| columns.map(|column| column.as_slice().to_vec())).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trial::SENSOR_ERRORS;
+    use crate::trial::{SENSOR_ERRORS, sensor_error};
 
     /// Returns four trials of three blocks; the first and the third share a sensor.
     fn trials() -> Vec<TrialErrors> {
@@ -267,9 +243,8 @@ mod tests {
                 whole[(place(t, a, i), place(u, b, j))] = value;
             }
         }
-        let errors: Vec<Blocks> = (0..4)
-            .map(|t| [0, 1, 2].map(|a| (0..3).map(|i| (place(t, a, i) as f64).cos()).collect::<Vec<f64>>()))
-            .collect();
+        let errors: Vec<Blocks> =
+            (0..4).map(|t| [0, 1, 2].map(|a| DVector::from_fn(3, |i, _| (place(t, a, i) as f64).cos()))).collect();
         let expected = whole.cholesky().unwrap().solve(&flat(&errors));
         let solved = flat(&weights.solve(&errors));
         assert!((&solved - &expected).amax() < 1e-8 * expected.amax(), "{}", (&solved - &expected).amax());
@@ -285,14 +260,12 @@ mod tests {
     fn errors_of_a_sensor_are_told_from_those_of_the_trial() {
         let trials = trials();
         let weights = Weights::new(&trials.iter().collect::<Vec<_>>(), 0.01).unwrap();
-        let of_column = |trial: &TrialErrors| {
-            trial.of_sensor.each_ref().map(|effects| (effects.column(2) * 50.0).as_slice().to_vec())
-        };
+        let of_column = |trial: &TrialErrors| trial.of_sensor.each_ref().map(|effects| effects.column(2) * 50.0);
         let errors: Vec<Blocks> = trials.iter().map(of_column).collect();
         let left = flat(&weights.without_sensors(&errors));
         assert!(left.amax() < 0.05 * flat(&errors).amax(), "{} of {}", left.amax(), flat(&errors).amax());
         let found = weights.sensors(&errors);
-        assert_eq!(found.iter().map(|of| of.trial).collect::<Vec<_>>(), [0, 1, 3]);
-        assert_eq!((found[0].each[0].0, found[0].each[SENSOR_ERRORS - 1].0), ("gyroscope scale", "clock"));
+        assert_eq!(found.iter().map(|of| of.0).collect::<Vec<_>>(), [0, 1, 3]);
+        assert_eq!((sensor_error(0), sensor_error(SENSOR_ERRORS - 1)), ("gyroscope scale", "clock"));
     }
 }

@@ -6,11 +6,11 @@ mod verdict;
 
 pub use comparison::{Chance, SessionAngle, SessionComparison, Skipped};
 
-use super::replay::pool;
 use super::{
     AngleComparison, Compared, Comparison, OnMismatch, Replayed, Replays, Settings, Source, TwinError, compare, replay,
 };
 use crate::plan::Trial;
+use crate::run::model::pool;
 use crate::session::{Attempt, Session, Sharing};
 use crate::trial::{Judged, LogFinding, Want};
 use rayon::prelude::*;
