@@ -103,7 +103,7 @@ fn record(plan: &Plan, trial: &Trial, motion: &[Truth], log: &Path) {
     "golden".clone_into(&mut start.identity.host_git_hash);
     let mut recorder = Recorder::create(log, &start, settings, begun).unwrap();
     let rest = RestMeta { still: true, waited_s: 3.2, at_most_s: 300.0, yaw_dps: Some(0.02), tilt_dps: Some(0.03) };
-    recorder.waited(&rest).unwrap();
+    recorder.meta(rest, |records| &mut records.rest).unwrap();
     recorder.event(EventKind::Phase, "calibrate", begun).unwrap();
 
     let Phases { calibrate_s, preroll_s, run_s, .. } = trial.phases;
@@ -157,7 +157,8 @@ fn record(plan: &Plan, trial: &Trial, motion: &[Truth], log: &Path) {
     }
     let host = begun + Duration::from_micros(5000 * motion.len() as u64);
     recorder.event(EventKind::Phase, "end", host).unwrap();
-    recorder.clock(&ClockMeta { pings: 300, offset_ns: 0, drift_ppm: 120.0, residual_us: 300.0 }).unwrap();
+    let clock = ClockMeta { pings: 300, offset_ns: 0, drift_ppm: 120.0, residual_us: 300.0 };
+    recorder.meta(clock, |records| &mut records.clock).unwrap();
     let link = LinkStats { samples: motion.len() as u64 - 1, ..LinkStats::default() };
     recorder.finish(&mut Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
 }

@@ -55,7 +55,7 @@ pub fn steer(
     let mut tally = Tally::default();
     let counts_per_turn = f64::from(settings.counts_per_turn);
     let run = record(context, path, start, settings, |recorder, context| {
-        recorder.trial.steer(meta)?;
+        recorder.trial.meta(meta.clone(), |records| &mut records.steer)?;
         let drift = rest(recorder, context, trial, &settings)?;
         let times = Times::default();
         let course = Course {

@@ -41,13 +41,14 @@ pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) 
         }
     };
     recorder.rested_us = begun_us + waited_us;
-    recorder.trial.waited(&RestMeta {
+    let rest = RestMeta {
         still,
         waited_s: waited_us as f64 * 1e-6,
         at_most_s: rest_at_most_s,
         yaw_dps: motion.map(|motion| motion.yaw_dps),
         tilt_dps: motion.map(|motion| motion.tilt_dps),
-    })?;
+    };
+    recorder.trial.meta(rest, |records| &mut records.rest)?;
     Ok(true)
 }
 

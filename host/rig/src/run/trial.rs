@@ -90,7 +90,7 @@ pub(super) fn record(
         kept.tap(tap);
     }
     if let Some(robot) = context.robot {
-        kept.model(&robot.model)?;
+        kept.meta(robot.model.clone(), |records| &mut records.model)?;
         kept.log.meta(&robot.sensor)?;
     }
     let truth = context.robot.map(TruthRecorder::new);
@@ -116,7 +116,7 @@ pub(super) fn record(
             recorder.trial.event(EventKind::Note, &text, SystemTime::now())?;
         }
         if let Some(clock) = recorder.clock() {
-            recorder.trial.clock(&clock)?;
+            recorder.trial.meta(clock, |records| &mut records.clock)?;
         }
     }
     let mut summary = Summary {

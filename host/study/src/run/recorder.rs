@@ -8,8 +8,7 @@ use crate::steer::{SetPoint, Times, message};
 use crate::trial::{Angles, Collector, Finding, Judged, Records, Want};
 use biflag_log::schema::biflag::{Quaternion, Vector};
 use biflag_log::{
-    ClockMeta, CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start,
-    SteerMeta, Summary, Tap, Writer, sample,
+    CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, Meta, Origin, Start, Summary, Tap, Writer, sample,
 };
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
@@ -215,13 +214,12 @@ impl Recorder {
         self.still.motion()
     }
 
-    /// Records how the robot came to rest.
+    /// Writes a metadata record, and keeps it in its place in memory.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn waited(&mut self, rest: &RestMeta) -> Result<(), LogError> {
-        self.records.rest = Some(*rest);
-        self.log.meta(rest)
+    pub fn meta<M: Meta>(&mut self, meta: M, place: fn(&mut Records) -> &mut Option<M>) -> Result<(), LogError> {
+        self.log.meta(place(&mut self.records).insert(meta))
     }
 
     /// Returns the sensor's state from the trial so far, while the motors were off.
@@ -256,37 +254,9 @@ impl Recorder {
         };
         self.event(EventKind::Note, &text, host)?;
         let meta = LevelMeta { up: level.up.into(), force_g: level.force_g, tilt_deg, used };
-        self.log.meta(&meta)?;
-        self.records.level = Some(meta);
+        self.meta(meta, |records| &mut records.level)?;
         self.leveller = used.then(|| Leveller::new(&level, self.filter_gain));
         Ok(())
-    }
-
-    /// Records the board's clock against the host's.
-    ///
-    /// # Errors
-    /// [`LogError::Write`].
-    pub fn clock(&mut self, clock: &ClockMeta) -> Result<(), LogError> {
-        self.records.clock = Some(*clock);
-        self.log.meta(clock)
-    }
-
-    /// Records the model that computes the trial.
-    ///
-    /// # Errors
-    /// [`LogError::Write`].
-    pub fn model(&mut self, model: &ModelMeta) -> Result<(), LogError> {
-        self.records.model = Some(model.clone());
-        self.log.meta(model)
-    }
-
-    /// Records the target of a steered trial.
-    ///
-    /// # Errors
-    /// [`LogError::Write`].
-    pub fn steer(&mut self, steer: &SteerMeta) -> Result<(), LogError> {
-        self.records.steer = Some(steer.clone());
-        self.log.meta(steer)
     }
 
     /// Records a set-point of a steered trial. Its time is the board's clock at the observation.

@@ -23,7 +23,7 @@ impl ModelLog {
         let board_meta = board::to_log(&board.info(), &model.settings);
         let start = start(plan, trial, attempt, Origin::Model, Some(board_meta), instant(0.0));
         let mut kept = Recorder::create(path, &start, model.settings, instant(0.0))?;
-        kept.model(model.meta())?;
+        kept.meta(model.meta().clone(), |records| &mut records.model)?;
         Ok(Self { board, kept, index: 0 })
     }
 

@@ -100,7 +100,7 @@ impl<'a> Run<'a> {
     ) -> Result<Self, ModelError> {
         let robot = sim::trial::Trial::open(&model.robot, model.closure, model.options, REACH_S)?;
         let mut log = ModelLog::create(model, plan, trial, attempt)?;
-        log.kept.steer(meta)?;
+        log.kept.meta(meta.clone(), |records| &mut records.steer)?;
         log.event(0.0, EventKind::Phase, Phase::Run.name())?;
         let (tally, motors) = (Tally::default(), Motors::default());
         Ok(Self { name: &trial.name, robot, log, tally, motors, target: [CentiRpm(0); 2], last: None })
@@ -140,12 +140,12 @@ impl<'a> Run<'a> {
 
     /// Records the samples up to the end of the motion.
     fn record(&mut self) -> Result<(), ModelError> {
+        let name = self.name;
+        let failed = |error| ModelError::Step { trial: name.to_owned(), error };
         while let Some(sample) = self.robot.next() {
-            let sample = sample.map_err(|error| ModelError::Step { trial: self.name.to_owned(), error })?;
-            self.keep(&sample)?;
+            self.keep(&sample.map_err(failed)?)?;
         }
-        let finished = self.robot.finish();
-        finished.map(drop).map_err(|error| ModelError::Step { trial: self.name.to_owned(), error })
+        self.robot.finish().map(drop).map_err(failed)
     }
 
     fn keep(&mut self, sample: &Sample) -> Result<(), ModelError> {
