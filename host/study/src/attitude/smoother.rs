@@ -68,12 +68,12 @@ pub(super) fn rotation(
         target.weights[i] * constant_and_warming(k, temperature_c.at(target.times[i]).unwrap_or_default())
     });
     let wanted = integrals(instants, target);
-    let changes = changes(stretches, target);
+    let [own, cross, prior] = changes(stretches, target);
     let noise = DMatrix::from_diagonal(&DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.variance)));
     let tilts = DMatrix::from_fn(n, 2, |i, k| TILT_SHARE * stretches[i].tilt_dps[k]);
-    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise + changes.own;
-    let cross = &wanted * seen.transpose() + changes.cross;
-    let prior = &wanted * wanted.transpose() + changes.prior;
+    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise + own;
+    let cross = &wanted * seen.transpose() + cross;
+    let prior = &wanted * wanted.transpose() + prior;
     let constant = DVector::from_fn(target.times.len(), |i, _| offset * wanted[(i, 0)] / BIAS_DPS);
     let factored = Cholesky::new(own)?;
     let rates = factored.l_dirty().solve_lower_triangular(&rates)?;
@@ -107,15 +107,9 @@ fn integrals(instants: DMatrix<f64>, target: &Target) -> DMatrix<f64> {
     sums
 }
 
-/// The contribution of the bias noise to three covariances: of the rates, of the rotation with the rates, and of the
-/// rotation.
-struct Changes {
-    own: DMatrix<f64>,
-    cross: DMatrix<f64>,
-    prior: DMatrix<f64>,
-}
-
-fn changes(stretches: &[Stretch], target: &Target) -> Changes {
+/// Returns the contribution of the bias noise to three covariances: of the rates, of the rotation with the rates, and of
+/// the rotation.
+fn changes(stretches: &[Stretch], target: &Target) -> [DMatrix<f64>; 3] {
     let Target { times, weights, bias_noise, .. } = *target;
     let n = stretches.len();
     // The bias at a time of the grid is its mean over the interval around it.
@@ -128,11 +122,8 @@ fn changes(stretches: &[Stretch], target: &Target) -> Changes {
     let instants = DMatrix::from_fn(times.len(), times.len(), |i, j| {
         weights[i] * weights[j] * (lagged[i.abs_diff(j)] + bias_noise.of_walk(&around(i), &around(j), from_s))
     });
-    Changes {
-        own: DMatrix::from_fn(n, n, |i, j| between(&stretches[i].range, &stretches[j].range)),
-        cross: integrals(cross, target),
-        prior: integrals(integrals(instants, target).transpose(), target),
-    }
+    let own = DMatrix::from_fn(n, n, |i, j| between(&stretches[i].range, &stretches[j].range));
+    [own, integrals(cross, target), integrals(integrals(instants, target).transpose(), target)]
 }
 
 #[cfg(test)]

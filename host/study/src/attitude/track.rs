@@ -46,6 +46,11 @@ impl<const N: usize> Columns<N> {
         std::array::from_fn(|k| self.values[k][i])
     }
 
+    /// Returns the last `M` quantities.
+    pub(crate) fn last<const M: usize>(&self) -> Columns<M> {
+        Columns { time_s: self.time_s.clone(), values: std::array::from_fn(|k| self.values[N - M + k].clone()) }
+    }
+
     /// Returns one quantity over time.
     pub fn track(&self, k: usize) -> Track<'_> {
         Track { time_s: &self.time_s, value: &self.values[k] }

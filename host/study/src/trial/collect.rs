@@ -19,7 +19,6 @@ const MAX_EVENTS: usize = 2_000;
 /// The part of a trial that has been read or recorded so far.
 #[derive(Debug, Default)]
 pub struct Collector {
-    want: Want,
     format: u32,
     /// Time of the last frame.
     last_s: Option<f64>,
@@ -38,7 +37,7 @@ impl Collector {
     /// Creates an empty collector for a log of this format.
     pub fn new(want: Want, format: u32) -> Self {
         let data = Data { shapes: Shapes::new(want.shapes), ..Data::default() };
-        Self { want, format, data, ..Self::default() }
+        Self { format, data, ..Self::default() }
     }
 
     /// Adds a frame of telemetry.
@@ -83,9 +82,6 @@ impl Collector {
 
     /// Adds the forces of a modelled robot.
     pub fn forces(&mut self, forces: &biflag::Forces) {
-        if !self.want.forces {
-            return;
-        }
         self.data.forces.push(forces.time_s, forces.columns());
     }
 

@@ -313,14 +313,7 @@ impl Data {
 
     /// Returns the turns of both shafts over time, unrounded if available.
     pub fn turns(&self) -> Columns<2> {
-        let (time_s, one, two) = if self.truth.is_empty() {
-            let [.., one, two] = &self.motors.values;
-            (&self.motors.time_s, one, two)
-        } else {
-            let [.., one, two] = &self.truth.values;
-            (&self.truth.time_s, one, two)
-        };
-        Columns { time_s: time_s.clone(), values: [one.clone(), two.clone()] }
+        if self.truth.is_empty() { self.motors.last() } else { self.truth.last() }
     }
 
     /// Returns whether a gap in the frames is so long that the robot may have made a full turn in it.

@@ -35,8 +35,9 @@ const COLUMNS: usize = 3 * SENSOR_ERRORS;
 /// Shortest interval between rows, s. One turn of a robot takes 0.7 s or more.
 const INTERVAL_S: f64 = 0.05;
 
-/// The derivatives over a trial.
-#[derive(Clone, Debug)]
+/// The derivatives over a trial, and the integrals that they follow from. `[3 i + j]`: for the error of axis i in
+/// proportion to j. Leans are changes of up in the world's axes, per unit of an error in SI.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Sensitivities {
     /// Of yaw, then pitch, then roll, for each error.
     columns: Columns<COLUMNS>,
@@ -44,14 +45,7 @@ pub(super) struct Sensitivities {
     filter_s: f64,
     /// Rotation from the body's to the sensor's axes.
     mounting: UnitQuaternion<f64>,
-    integrals: Integrals,
     last: Option<(f64, UnitQuaternion<f64>)>,
-}
-
-/// Integrals. `[3 i + j]`: for the error of axis i in proportion to j. Leans are changes of up in the world's axes, per
-/// unit of an error in SI.
-#[derive(Clone, Debug)]
-struct Integrals {
     /// ∫ u_i dθ_j, degrees.
     turned_deg: [f64; 9],
     /// ∫ u_i (u_j - z_j) dt, s.
@@ -65,20 +59,14 @@ struct Integrals {
 impl Sensitivities {
     /// Starts at rest. `mounting`: the known rotation from the body's to the sensor's axes.
     pub fn new(filter_s: f64, mounting: UnitQuaternion<f64>) -> Self {
-        let integrals = Integrals {
-            turned_deg: [0.0; 9],
-            gravity_s: [0.0; 9],
-            leans: [[Vector3::zeros(); 9]; 3],
-            followed: [Vector3::zeros(); 2],
-        };
-        Self { columns: Columns::default(), filter_s, mounting, integrals, last: None }
+        Self { filter_s, mounting, ..Self::default() }
     }
 
     /// Adds an attitude of the body at a time. `warming_c`: warming of the sensor since the zero.
     pub fn push(&mut self, time_s: f64, attitude: UnitQuaternion<f64>, warming_c: f64) {
         match self.last {
             Some((before_s, before)) => self.advance(before, attitude, (time_s - before_s).max(0.0)),
-            None => self.integrals.followed = [Vector3::x(), Vector3::y()].map(|axis| attitude * axis),
+            None => self.followed = [Vector3::x(), Vector3::y()].map(|axis| attitude * axis),
         }
         self.last = Some((time_s, attitude));
         if self.columns.time_s.last().is_none_or(|last| time_s - last >= INTERVAL_S) {
@@ -94,7 +82,7 @@ impl Sensitivities {
         let turned = rotation_between(&before, &sensor);
         let up = 0.5 * (before.inverse() * Vector3::z() + sensor.inverse() * Vector3::z());
         let change = up - at_rest;
-        let Integrals { turned_deg, gravity_s, leans, followed } = &mut self.integrals;
+        let Self { turned_deg, gravity_s, leans, followed, .. } = self;
         for i in 0..3 {
             let axis = sensor * Vector3::ith(i, 1.0);
             let across = sensor * up.cross(&Vector3::ith(i, 1.0));
@@ -116,7 +104,7 @@ impl Sensitivities {
     fn derivatives(&self, attitude: UnitQuaternion<f64>, warming_c: f64) -> Sensitivity {
         let to_body = attitude.inverse();
         let up = to_body * Vector3::z();
-        let Integrals { turned_deg, gravity_s, leans, followed } = &self.integrals;
+        let Self { turned_deg, gravity_s, leans, followed, .. } = self;
         let mut of = [[0.0; SENSOR_ERRORS]; 3];
         // `moved`: the change of up in body axes.
         let mut set = |parameter: usize, turned_deg: f64, moved: Vector3<f64>| {
@@ -352,7 +340,7 @@ mod tests {
             let rate = (attitude(t).inverse() * attitude(t + 1e-3)).scaled_axis() / 1e-3;
             wrong += 0.02 * (attitude(t).inverse() * z()).z * rate.z * 1e-3;
         }
-        let Integrals { turned_deg: sums, gravity_s, .. } = &sensitivities.integrals;
+        let Sensitivities { turned_deg: sums, gravity_s, .. } = &sensitivities;
         let yaw_deg = (yaw * 20.0).to_degrees();
         assert!((0.02 * sums[8] / wrong.to_degrees() - 1.0).abs() < 1e-3, "{} {}", 0.02 * sums[8], wrong.to_degrees());
         assert!((sums[8] / yaw_deg - 1.0).abs() > 1.0, "coning is not yaw: {} {yaw_deg}", sums[8]);
