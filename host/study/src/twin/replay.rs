@@ -58,29 +58,14 @@ pub struct Replayed {
     pub findings: Vec<Finding>,
     /// How to find the helix angles, if the result depends on them. The encoders do not measure them, because they count from
     /// the start of the board.
-    pub needs_phase: Option<PhaseCure>,
+    pub needs_phase: Option<&'static str>,
 }
 
-/// How the helix angles of a trial can be found.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum PhaseCure {
-    /// By a fit to the trial.
-    Fit,
-    /// By no fit: not all of its angles were measured, with an uncertainty.
-    State,
-}
-
-impl PhaseCure {
-    /// Returns what to do.
-    fn text(self) -> &'static str {
-        match self {
-            Self::Fit => "`biflag calibrate --fit phase` finds it",
-            Self::State => {
-                "a fit that finds it needs yaw, pitch and roll with an --uncertainty; or name a --robot with `phase_deg`"
-            }
-        }
-    }
-}
+/// How the helix angles of a trial can be found: by a fit to the trial, or by none, because not all of its angles were
+/// measured, with an uncertainty.
+const FIT: &str = "`biflag calibrate --fit phase` finds it";
+const STATE: &str =
+    "a fit that finds it needs yaw, pitch and roll with an --uncertainty; or name a --robot with `phase_deg`";
 
 /// The replays of a source, each with the caller's result for it.
 #[derive(Debug)]
@@ -105,17 +90,16 @@ impl<T> Replays<T> {
 
     /// Returns a note about helix angles that the encoders do not measure.
     fn note_on_phases(&self) -> Option<String> {
-        let mut needing = self.trials.iter().filter_map(|(one, _)| Some((&one.trial.name, one.needs_phase?)));
-        let (first, cure) = needing.next()?;
-        let others: Vec<_> = needing.collect();
-        let and_others = match others.len() {
-            0 => String::new(),
-            count => format!(" and {}", crate::text::count(count, "other trial")),
+        let needing = self.trials.iter().filter_map(|(one, _)| Some((&one.trial.name, one.needs_phase?)));
+        let needing: Vec<_> = needing.collect();
+        let (first, _) = needing.first()?;
+        let and_others = match needing.len() {
+            1 => String::new(),
+            count => format!(" and {}", crate::text::count(count - 1, "other trial")),
         };
-        let cure = others.iter().fold(cure, |cure, (_, other)| if *other == PhaseCure::Fit { *other } else { cure });
+        let cure = if needing.iter().any(|(_, cure)| *cure == FIT) { FIT } else { STATE };
         Some(format!(
-            "the results of {first}{and_others} depend on how the flagella stood at the start, which nothing has measured; {}",
-            cure.text()
+            "the results of {first}{and_others} depend on how the flagella stood at the start, which nothing has measured; {cure}"
         ))
     }
 }
@@ -225,7 +209,7 @@ fn prepare(
     recording: &Judged,
     robot: &Option<Robot>,
     settings: &Settings,
-) -> Result<(Model, Course, Option<PhaseCure>), TwinError> {
+) -> Result<(Model, Course, Option<&'static str>), TwinError> {
     let Judged { data, angles: zeroed, .. } = recording;
     data.check().map_err(|error| TwinError::unusable(data, error))?;
     let course = course(data, trial)?;
@@ -241,7 +225,7 @@ fn prepare(
         && robot.flagellum.phase_deg == [0.0; 2];
     let is_weighed =
         data.origin() != Origin::Imported || zeroed.budgets(&zeroed.seen_run()).iter().all(Option::is_some);
-    let needs_phase = needs_phase.then_some(if is_weighed { PhaseCure::Fit } else { PhaseCure::State });
+    let needs_phase = needs_phase.then_some(if is_weighed { FIT } else { STATE });
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);

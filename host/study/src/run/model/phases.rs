@@ -77,14 +77,11 @@ pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a Phas
     if has_phases(trials) {
         return None;
     }
-    let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
+    let (why, which) = depending(trials)?;
     let cure = "`phases = 8` in [trial] gives means and spreads";
-    Some(match trials.len() {
-        1 => format!("{why}, so these values hold for one starting phase of the flagella; {cure}"),
-        all => format!(
-            "the values of {some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, hold for one starting \
-             phase of the flagella; {cure}"
-        ),
+    Some(match which {
+        None => format!("{why}, so these values hold for one starting phase of the flagella; {cure}"),
+        Some(which) => format!("the values of {which} hold for one starting phase of the flagella; {cure}"),
     })
 }
 
@@ -96,41 +93,29 @@ pub fn has_phases(trials: &[Trial]) -> bool {
 /// Returns a note for the user if recorded trials depend on the flagella's starting angles and the board does not know
 /// them.
 pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
-    let Dependent { why, speeds_rpm: [w1, w2], trials: some } = Dependent::of(trials)?;
+    let (why, which) = depending(trials)?;
     let cure =
         "which the board knows only after `biflag align`; then `phases = 8` in [trial] measures means and spreads";
-    Some(match trials.len() {
-        1 => format!("{why}, so the trial depends on their starting angles, {cure}"),
-        all => format!(
-            "{some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, depend on the starting angles of the \
-             flagella, {cure}"
-        ),
+    Some(match which {
+        None => format!("{why}, so the trial depends on their starting angles, {cure}"),
+        Some(which) => format!("{which} depend on the starting angles of the flagella, {cure}"),
     })
 }
 
-/// The trials whose steady state depends on the starting phase.
-struct Dependent {
-    /// Why the first of these trials does.
-    why: String,
-    /// Its speeds.
-    speeds_rpm: [f64; 2],
-    /// Their number.
-    trials: usize,
-}
-
-impl Dependent {
-    /// Returns the dependent ones of some trials; `None` if there are none.
-    fn of(trials: &[Trial]) -> Option<Self> {
-        let ratio = |trial: &Trial| Ratio::of(trial.speeds.map(CentiRpm::rpm));
-        let first = trials.iter().find(|trial| ratio(trial).is_some())?;
-        let of_first = ratio(first)?;
-        let why = match of_first.standing() {
-            Some(number) => format!("flagellum {number} stands"),
-            None => format!("the flagella turn at {of_first}"),
-        };
-        let number = trials.iter().filter(|trial| ratio(trial).is_some()).count();
-        Some(Self { why, speeds_rpm: first.speeds.map(CentiRpm::rpm), trials: number })
-    }
+/// Returns why the steady state of some trials depends on the starting phase, and which of several trials do, in words;
+/// `None` if none does.
+fn depending(trials: &[Trial]) -> Option<(String, Option<String>)> {
+    let speeds_rpm = trials.iter().map(|trial| trial.speeds.map(CentiRpm::rpm));
+    let mut simple = speeds_rpm.filter_map(|rpm| Some((rpm, Ratio::of(rpm)?)));
+    let ([w1, w2], ratio) = simple.next()?;
+    let why = match ratio.standing() {
+        Some(number) => format!("flagellum {number} stands"),
+        None => format!("the flagella turn at {ratio}"),
+    };
+    let (some, all) = (1 + simple.count(), trials.len());
+    let which = || format!("{some} of {all} trials, such as those at {w1} and {w2} rpm, where {why},");
+    let which = (all > 1).then(which);
+    Some((why, which))
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 use super::super::{TwinError, speeds};
 use super::Blocks;
 use super::errors::TrialErrors;
-use super::fluid::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
 use crate::twin::sensor_key::SensorKey;
@@ -49,8 +48,8 @@ pub struct FitTrial {
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
     pub(super) errors: TrialErrors,
-    /// The trial's fluid relative to the fitted robot's.
-    pub(super) fluid: FluidRatio,
+    /// Viscosity and density of the trial's fluid, relative to the fitted robot's.
+    pub(super) fluid: [f64; 2],
     profile: SpeedProfile,
 }
 
@@ -127,7 +126,7 @@ impl FitTrial {
                 .map(|board| [board.board_id, board.boot_count]),
             errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),
             measured,
-            fluid: FluidRatio::default(),
+            fluid: [1.0; 2],
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,
         })
     }
@@ -145,7 +144,9 @@ impl FitTrial {
 
     /// Returns the model's blocks of the trial; `None` if the solver fails.
     pub(super) fn modelled(&self, robot: &Robot, closure: Closure, at_rest: &InversesAtRest) -> Option<Blocks> {
-        let robot = &self.fluid.of(robot);
+        let mut robot = robot.clone();
+        robot.fluid.viscosity_pa_s *= self.fluid[0];
+        robot.fluid.density_kg_m3 *= self.fluid[1];
         let rate_hz = SAMPLES as f64 / BLOCK_S;
         let options = Options { rate_hz, shapes: false };
         let mut blocks: [Vec<f64>; 3] = Default::default();
@@ -153,7 +154,7 @@ impl FitTrial {
         // Samples are in the middle of the run's steps, so that their mean is the block's mean.
         let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
         let trial =
-            Trial::with_solver(Solver::sharing(robot, closure, at_rest).ok()?, self.profile.clone(), options).ok()?;
+            Trial::with_solver(Solver::sharing(&robot, closure, at_rest).ok()?, self.profile.clone(), options).ok()?;
         for (i, sample) in trial.enumerate().skip(first).take(self.blocks() * SAMPLES) {
             let sample = sample.ok()?;
             let angles = [sample.yaw_rad, sample.pitch_rad, sample.roll_rad];

@@ -4,7 +4,7 @@ use super::data::FitTrial;
 use crate::statistics::extremes;
 use crate::text::count;
 use crate::twin::TwinError;
-use sim::params::{Fluid, Glycerol, Robot};
+use sim::params::{Fluid, Glycerol};
 
 /// Difference of the sensor's temperature between trials above which the viscosity of glycerol has changed by more than a
 /// tenth, °C.
@@ -44,10 +44,7 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
     fluid.density_kg_m3 = at(mean_c).density_kg_m3();
     for trial in trials.iter_mut() {
         let own = at(trial.temperature_c);
-        trial.fluid = FluidRatio {
-            viscosity: own.viscosity_pa_s() / fluid.viscosity_pa_s,
-            density: own.density_kg_m3() / fluid.density_kg_m3,
-        };
+        trial.fluid = [own.viscosity_pa_s() / fluid.viscosity_pa_s, own.density_kg_m3() / fluid.density_kg_m3];
     }
     let share = 100.0 * mixture.mass_fraction;
     let viscosity = fluid.viscosity_pa_s;
@@ -62,27 +59,4 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
             "the initial viscosity is that of {share:.1} % glycerol at the sensor's {mean_c:.1} °C: {viscosity:.3} Pa s"
         )
     }))
-}
-
-/// Viscosity and density of a trial's fluid, relative to the fitted robot's.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct FluidRatio {
-    pub viscosity: f64,
-    pub density: f64,
-}
-
-impl Default for FluidRatio {
-    fn default() -> Self {
-        Self { viscosity: 1.0, density: 1.0 }
-    }
-}
-
-impl FluidRatio {
-    /// Returns the robot in the trial's fluid.
-    pub fn of(&self, robot: &Robot) -> Robot {
-        let mut robot = robot.clone();
-        robot.fluid.viscosity_pa_s *= self.viscosity;
-        robot.fluid.density_kg_m3 *= self.density;
-        robot
-    }
 }
