@@ -66,21 +66,21 @@ fn percent(all: &[Comparison], of: impl Fn(&Comparison) -> bool) -> f64 {
 fn steady(all: &[Comparison]) -> String {
     let cell = |k: usize| {
         let differs = |one: &Comparison| {
-            let name = one.angles()[k].angle;
+            let name = one.angles[k].angle;
             one.differences.iter().any(|difference| difference.angle == name)
         };
-        let known: Vec<f64> = all.iter().filter_map(|one| Some(one.angles()[k].uncertainty?.total_deg)).collect();
+        let known: Vec<f64> = all.iter().filter_map(|one| Some(one.angles[k].uncertainty?.total_deg)).collect();
         let mean = known.iter().sum::<f64>() / known.len() as f64;
         format!("{:.0} %, ±{mean:.2}°", percent(all, differs))
     };
-    let empty = percent(all, |one| one.angles().iter().any(|angle| angle.uncertainty.is_none()));
+    let empty = percent(all, |one| one.angles.iter().any(|angle| angle.uncertainty.is_none()));
     format!("{} | {} | {} | {empty:.0} %", cell(0), cell(1), cell(2))
 }
 
 /// Shares of trials whose transients differ.
 fn transients(all: &[Comparison]) -> String {
     let cell = |k: usize| {
-        let of = |one: &Comparison| one.angles()[k].transient;
+        let of = |one: &Comparison| one.angles[k].transient;
         let mut residuals: Vec<f64> = all.iter().filter_map(|one| Some(of(one)?.residual_deg)).collect();
         let allowed = all.iter().filter_map(|one| Some(of(one)?.allowed_deg)).sum::<f64>() / all.len() as f64;
         residuals.sort_by(f64::total_cmp);

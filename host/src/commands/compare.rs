@@ -150,7 +150,7 @@ fn together(comparison: &SessionComparison) -> String {
 
 fn line(trial: &Comparison) -> String {
     let each = |of: &dyn Fn(&AngleComparison) -> String| {
-        trial.angles().map(|angle| format!("{} {}", angle.angle, of(angle))).join(", ")
+        trial.angles.each_ref().map(|angle| format!("{} {}", angle.angle, of(angle))).join(", ")
     };
     let measured = each(&|angle| format!("{}°", decimal(angle.measured_deg, 2)));
     let error = each(&|angle| format!("{}°{}", signed(angle.error_deg, 2), parts(angle)));

@@ -210,8 +210,8 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         modelled.records.identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
         let compared =
             compare(&Judged::of(measured.clone()), &Judged::of(modelled), OnMismatch::Accept).unwrap().comparison;
-        let of_compare =
-            compared.pitch.model_error_deg.unwrap() / compared.pitch.modelled_deg.hypot(compared.roll.modelled_deg);
+        let [_, pitch, roll] = &compared.angles;
+        let of_compare = pitch.model_error_deg.unwrap() / pitch.modelled_deg.hypot(roll.modelled_deg);
         let fit = fitted(&robot, &[Parameter::Righting], &[measured]).unwrap();
         let righting = &fit.parameters[0];
         let of_fit = righting.model_error.unwrap() / righting.value;

@@ -71,7 +71,7 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
 }
 
 fn mark(trial: &Comparison, k: usize) -> Mark {
-    let angle = trial.angles()[k];
+    let angle = &trial.angles[k];
     Mark {
         at: [angle.measured_deg, angle.modelled_deg],
         bars: [
@@ -95,12 +95,12 @@ mod tests {
             angle
         };
         let mut known = Comparison::default();
-        (known.yaw, known.pitch, known.roll) = (angle(0.4), angle(0.1), angle(0.1));
+        known.angles = [0.4, 0.1, 0.1].map(angle);
         let drawn = draw(std::slice::from_ref(&known), 180.0);
         assert!(drawn.contains("Measured yaw ψ (°)") && drawn.contains("Predicted roll φ (°)"));
         assert!(!drawn.contains("uncertainty unknown"));
         let mut unknown = known;
-        (unknown.yaw, unknown.sides) = (AngleComparison::default(), Sides::Recordings);
+        (unknown.angles[0], unknown.sides) = (AngleComparison::default(), Sides::Recordings);
         let drawn = draw(&[unknown], 180.0);
         assert!(drawn.contains("First recording yaw ψ (°)") && drawn.contains("Second recording pitch θ (°)"));
         assert_eq!(drawn.matches("open: uncertainty unknown").count(), 1, "in the panel of the yaw alone");

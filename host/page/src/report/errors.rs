@@ -14,7 +14,7 @@ pub(super) fn table(comparison: &Comparison) -> Markup {
             (scrolled(
                 "Errors and their uncertainty",
                 &["", "Steady error", "± 95 %", "of it noise", "of it sensor", "Model’s own error", "Limited by", "RMS over the run", "Transient", "allowed"],
-                &html! { @for angle in comparison.angles() { (line(angle)) } },
+                &html! { @for angle in &comparison.angles { (line(angle)) } },
             ))
             p.meta.small {
                 "The ± is the smallest difference that the trials could show. Transient: root mean square of the error before \

@@ -293,8 +293,8 @@ fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Colum
             @if columns.uncertainty { (cell(view.and_then(|view| view.uncertainties_deg()[0]), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
             @if columns.compared {
-                @for k in 0..3 { (cell(comparison.map(|c| c.angles()[k].error_deg), 2)) }
-                @for k in 0..3 { (cell(comparison.map(|c| c.angles()[k].rmse_deg), 2)) }
+                @for k in 0..3 { (cell(comparison.map(|c| c.angles[k].error_deg), 2)) }
+                @for k in 0..3 { (cell(comparison.map(|c| c.angles[k].rmse_deg), 2)) }
             }
             @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
             td.text {

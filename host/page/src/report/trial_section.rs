@@ -119,8 +119,8 @@ fn tiles(view: &View) -> Markup {
                 }
             }
             @if let Some(comparison) = &view.comparison {
-                (tile("RMS error over the run", &degrees(comparison.yaw.rmse_deg, 2), &html! {
-                    "yaw; pitch " (degrees(comparison.pitch.rmse_deg, 2)) ", roll " (degrees(comparison.roll.rmse_deg, 2))
+                (tile("RMS error over the run", &degrees(comparison.angles[0].rmse_deg, 2), &html! {
+                    "yaw; pitch " (degrees(comparison.angles[1].rmse_deg, 2)) ", roll " (degrees(comparison.angles[2].rmse_deg, 2))
                 }))
             }
             @if let Some(model) = &view.records.steady {

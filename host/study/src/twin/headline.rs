@@ -14,7 +14,7 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
         return format!("{} {}.", capitalised(&apart(angle, trial.sides)), at(trial));
     }
     let excess = |trial: &&Comparison| {
-        let transients = trial.angles().into_iter().filter_map(|angle| angle.transient);
+        let transients = trial.angles.iter().filter_map(|angle| angle.transient);
         transients.map(|of| of.residual_deg / of.allowed_deg).fold(0.0, f64::max)
     };
     let apart_on_the_way = trials.iter().filter(|trial| !trial.transients_agree());
@@ -28,7 +28,7 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
     if worst.is_some() {
         return format!("{both} differ no more than by chance.");
     }
-    let known = || trials.iter().flat_map(Comparison::angles).filter_map(|angle| angle.uncertainty);
+    let known = || trials.iter().flat_map(|trial| &trial.angles).filter_map(|angle| angle.uncertainty);
     let within = if known().all(|uncertainty| uncertainty.total_deg == 0.0) { "0.01°" } else { "their ±" };
     match known().count() {
         0 => "No uncertainty is known, so nothing is judged.".to_owned(),
@@ -49,7 +49,7 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
 /// Returns the angle that differs by most degrees, and its trial: one beyond chance if there is one.
 fn worst(trials: &[Comparison]) -> Option<(&Comparison, &AngleComparison)> {
     let differing = |trial: &Comparison, angle: &str| trial.differences.iter().any(|found| found.angle == angle);
-    let all = trials.iter().flat_map(|trial| trial.angles().map(|angle| (trial, angle)));
+    let all = trials.iter().flat_map(|trial| trial.angles.iter().map(move |angle| (trial, angle)));
     let beyond = trials.iter().any(|trial| trial.is_beyond_chance);
     let found = all.filter(|(trial, of)| differing(trial, of.angle) && (trial.is_beyond_chance || !beyond));
     found.max_by(|a, b| a.1.error_deg.abs().total_cmp(&b.1.error_deg.abs()))
@@ -97,10 +97,9 @@ mod tests {
             transient: Some(Transient::default()),
             ..AngleComparison::default()
         };
-        let [pitch, roll] = ["pitch", "roll"].map(|name| angle(name, [0.0; 2]));
-        let yaw = angle("yaw", yaw);
-        let differences = Vec::from_iter(yaw.difference());
-        Comparison { w1_rpm: 50.0, w2_rpm: 10.0, yaw, pitch, roll, sides, differences, ..Comparison::default() }
+        let angles = [angle("yaw", yaw), angle("pitch", [0.0; 2]), angle("roll", [0.0; 2])];
+        let differences = Vec::from_iter(angles[0].difference());
+        Comparison { w1_rpm: 50.0, w2_rpm: 10.0, angles, sides, differences, ..Comparison::default() }
     }
 
     #[test]
@@ -127,13 +126,13 @@ mod tests {
     #[test]
     fn agreement_is_said_only_as_far_as_it_is_known() {
         let mut one = trial([9.0, 9.1], Sides::MeasurementAndModel);
-        let known = one.yaw.uncertainty.take();
+        let known = one.angles[0].uncertainty.take();
         assert_eq!(one.headline(), "Model and measurement agree within their ±, where it is known.");
-        (one.pitch.uncertainty, one.roll.uncertainty) = (None, None);
+        (one.angles[1].uncertainty, one.angles[2].uncertainty) = (None, None);
         assert_eq!(one.headline(), "No uncertainty is known, so nothing is judged.");
-        one.yaw.uncertainty = known;
+        one.angles[0].uncertainty = known;
         let mut short = one.clone();
-        for angle in [&mut short.yaw, &mut short.pitch, &mut short.roll] {
+        for angle in &mut short.angles {
             angle.transient = None;
         }
         assert!(short.headline().ends_with("where it is known; the way there is not judged."), "{}", short.headline());

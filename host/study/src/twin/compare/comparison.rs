@@ -27,15 +27,8 @@ pub struct Comparison {
     /// The modelled log.
     #[serde(serialize_with = "crate::text::path")]
     pub modelled: PathBuf,
-    /// The yaw of both.
-    #[serde(skip)]
-    pub yaw: AngleComparison,
-    /// The pitch of both.
-    #[serde(skip)]
-    pub pitch: AngleComparison,
-    /// The roll of both.
-    #[serde(skip)]
-    pub roll: AngleComparison,
+    /// Yaw, pitch and roll of both.
+    pub angles: [AngleComparison; 3],
     /// Why no transient is judged; `None` if every transient with a known uncertainty is.
     #[serde(skip)]
     pub unjudged: Option<Unjudged>,
@@ -79,19 +72,14 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Returns the comparisons of yaw, pitch and roll.
-    pub fn angles(&self) -> [&AngleComparison; 3] {
-        [&self.yaw, &self.pitch, &self.roll]
-    }
-
     /// Returns the measured steady yaw, pitch and roll, degrees.
     pub fn measured_deg(&self) -> [f64; 3] {
-        self.angles().map(|angle| angle.measured_deg)
+        self.angles.each_ref().map(|angle| angle.measured_deg)
     }
 
     /// Returns the modelled steady yaw, pitch and roll, degrees.
     pub fn modelled_deg(&self) -> [f64; 3] {
-        self.angles().map(|angle| angle.modelled_deg)
+        self.angles.each_ref().map(|angle| angle.modelled_deg)
     }
 
     /// Returns the result in one plain sentence; the verdict has the numbers of the test.
@@ -106,12 +94,12 @@ impl Comparison {
 
     /// Returns whether any transient is judged: the run is long enough, and the uncertainty is known.
     pub fn judges_transients(&self) -> bool {
-        self.angles().iter().any(|angle| angle.transient.is_some())
+        self.angles.iter().any(|angle| angle.transient.is_some())
     }
 
     /// Returns whether the transients do not differ, as far as they are judged.
     pub fn transients_agree(&self) -> bool {
-        !self.settling.differs && !self.angles().iter().any(|angle| angle.transient.is_some_and(Transient::differs))
+        !self.settling.differs && !self.angles.iter().any(|angle| angle.transient.is_some_and(Transient::differs))
     }
 }
 

@@ -14,14 +14,13 @@ struct Keys<'a> {
 
 impl Serialize for Comparison {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { yaw, pitch, roll, .. } = self;
-        let angles = self.angles();
+        let angles @ [yaw, pitch, roll] = &self.angles;
         let uncertainty = |angle: &AngleComparison| angle.uncertainty.map(|uncertainty| uncertainty.total_deg);
-        let model_error_deg = match angles.map(|angle| angle.model_error_deg) {
+        let model_error_deg = match angles.each_ref().map(|angle| angle.model_error_deg) {
             [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
             _ => None,
         };
-        let differs = |angle: &&&AngleComparison| angle.transient.is_some_and(Transient::differs);
+        let differs = |angle: &&AngleComparison| angle.transient.is_some_and(Transient::differs);
         let derived = json!({
             "yaw_rmse_deg": yaw.rmse_deg,
             "pitch_rmse_deg": pitch.rmse_deg,
@@ -35,7 +34,6 @@ impl Serialize for Comparison {
             "yaw_uncertainty_deg": uncertainty(yaw),
             "tilt_uncertainty_deg": [uncertainty(pitch), uncertainty(roll)],
             "model_error_deg": model_error_deg,
-            "angles": angles,
             "transient_differences": angles.iter().filter(differs).map(|angle| angle.angle).collect::<Vec<_>>(),
             "agrees": self.agrees(),
         });

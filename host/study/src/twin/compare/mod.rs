@@ -139,9 +139,9 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         }
         .judged()
     };
-    let (yaw, pitch, roll) = (angle(0), angle(1), angle(2));
-    let differences = [&yaw, &pitch, &roll].into_iter().filter_map(AngleComparison::difference).collect();
-    let budget = [&yaw, &pitch, &roll].into_iter().flat_map(|angle| angle.budget.terms_of(angle.angle)).collect();
+    let angles = [0, 1, 2].map(angle);
+    let differences = angles.iter().filter_map(AngleComparison::difference).collect();
+    let budget = angles.iter().flat_map(|angle| angle.budget.terms_of(angle.angle)).collect();
     let trial = a.trial();
     let middle_s = measured.zeroed.run.start + 0.5 * (steady.window.start + steady.window.end);
     let comparison = Comparison {
@@ -150,9 +150,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         w2_rpm: trial.w2_rpm,
         measured: a.path.clone(),
         modelled: b.path.clone(),
-        yaw,
-        pitch,
-        roll,
+        angles,
         unjudged: blocks.as_ref().err().copied(),
         settling: settling(pair, aligned, blocks.as_ref().ok()),
         compared_share: aligned.share(),

@@ -7,15 +7,15 @@ use crate::text::{capitalised, listed};
 
 /// Returns the verdict.
 pub(super) fn verdict(comparison: &Comparison) -> String {
-    let angles = comparison.angles();
+    let angles = &comparison.angles;
     let unknown: Vec<_> = angles.iter().filter(|angle| angle.uncertainty.is_none()).map(|angle| angle.angle).collect();
     let agreeing: Vec<_> =
-        (angles.into_iter()).filter(|angle| angle.uncertainty.is_some() && angle.difference().is_none()).collect();
+        (angles.iter()).filter(|angle| angle.uncertainty.is_some() && angle.difference().is_none()).collect();
     let mut clauses: Vec<String> = comparison.differences.iter().map(difference).collect();
     clauses.extend(agreement(comparison, &agreeing));
     clauses.extend(transients(comparison, unknown.len() < angles.len()));
     clauses.extend(limits(&agreeing));
-    clauses.extend(cannot_refute(&angles));
+    clauses.extend(cannot_refute(angles));
     if !unknown.is_empty() {
         clauses.push(format!("the uncertainty of {} is unknown", listed(&unknown)));
     }
@@ -79,7 +79,7 @@ fn transients(comparison: &Comparison, is_known: bool) -> Option<String> {
             residual / allowed
         ))
     };
-    let mut parts: Vec<String> = comparison.angles().into_iter().filter_map(of_angle).collect();
+    let mut parts: Vec<String> = comparison.angles.iter().filter_map(of_angle).collect();
     if comparison.settling.differs {
         let ratio = comparison.settling.ratio.map_or_else(String::new, |ratio| format!(", ratio {ratio:.2}"));
         parts.push(format!("in the settling time{ratio}"));
@@ -100,7 +100,7 @@ fn limits(agreeing: &[&AngleComparison]) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-fn cannot_refute(angles: &[&AngleComparison]) -> Option<String> {
+fn cannot_refute(angles: &[AngleComparison]) -> Option<String> {
     let such: Vec<_> = angles.iter().filter(|angle| angle.cannot_refute).collect();
     let names: Vec<_> = such.iter().map(|angle| angle.angle).collect();
     let errors: Vec<_> = such.iter().filter_map(|angle| Some(format!("{:.1}°", angle.model_error_deg?))).collect();
@@ -134,9 +134,9 @@ mod tests {
     }
 
     fn of(angles: [AngleComparison; 3], sides: Sides) -> Comparison {
-        let [yaw, pitch, roll] = angles.map(AngleComparison::judged);
-        let differences = [&yaw, &pitch, &roll].into_iter().filter_map(AngleComparison::difference).collect();
-        Comparison { yaw, pitch, roll, differences, sides, ..Comparison::default() }
+        let angles = angles.map(AngleComparison::judged);
+        let differences = angles.iter().filter_map(AngleComparison::difference).collect();
+        Comparison { angles, differences, sides, ..Comparison::default() }
     }
 
     fn agreeing() -> [AngleComparison; 3] {
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn steady_states_that_agree_are_no_agreement_of_transients() {
         let mut comparison = of(agreeing(), Sides::Recordings);
-        comparison.yaw.transient =
+        comparison.angles[0].transient =
             Some(Transient { residual_deg: 2.6, allowed_deg: 0.4, model_error_deg: Some(3.2), ..Transient::default() });
         comparison.settling = Settling { ratio: Some(1.35), differs: true, ..Settling::default() };
         assert!(!comparison.agrees());

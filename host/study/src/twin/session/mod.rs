@@ -183,7 +183,7 @@ fn sum_up<T>(
         let sum: f64 = trials.iter().map(|trial| powi(of(trial), 2)).sum();
         (!trials.is_empty()).then(|| (sum / trials.len() as f64).sqrt())
     };
-    let rms_of = |of: fn(&AngleComparison) -> f64| [0, 1, 2].map(|k| rms(&|trial| of(trial.angles()[k])));
+    let rms_of = |of: fn(&AngleComparison) -> f64| [0, 1, 2].map(|k| rms(&|trial| of(&trial.angles[k])));
     let steady_rms_error_deg = match rms_of(|angle| angle.error_deg) {
         [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
         _ => None,

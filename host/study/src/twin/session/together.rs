@@ -15,9 +15,9 @@ pub(super) fn angles(trials: &[Comparison]) -> Vec<SessionAngle> {
 }
 
 fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
-    let known = |trial: &&Comparison| trial.angles()[k].p_value().is_some();
+    let known = |trial: &&Comparison| trial.angles[k].p_value().is_some();
     let trials: Vec<&Comparison> = trials.iter().filter(known).collect();
-    let angle = |i: usize| -> &AngleComparison { trials[i].angles()[k] };
+    let angle = |i: usize| -> &AngleComparison { &trials[i].angles[k] };
     let uncertainty = |i: usize| -> Uncertainty { angle(i).uncertainty.unwrap_or_default() };
     let count = trials.len();
     let first = trials.first()?;
@@ -38,7 +38,7 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
     let errors = || (0..count).map(|i| angle(i).error_deg);
     let expected = ExpectedRms::new(&covariance, freedom(covariance.trace()));
     Some(SessionAngle {
-        angle: first.angles()[k].angle,
+        angle: first.angles[k].angle,
         trials: count,
         mean_error_deg: errors().sum::<f64>() / number,
         mean_uncertainty_deg: student_95(freedom(covariance.sum())) * covariance.sum().max(0.0).sqrt() / number,
@@ -51,7 +51,7 @@ fn of_angle(trials: &[Comparison], k: usize) -> Option<SessionAngle> {
 /// Counts the differences, and marks the trials with a difference that chance does not explain. Returns `None` if no
 /// test involves chance.
 pub(super) fn chance(trials: &mut [Comparison]) -> Option<Chance> {
-    let of_trial = |trial: &Comparison| trial.angles().map(AngleComparison::p_value);
+    let of_trial = |trial: &Comparison| trial.angles.each_ref().map(AngleComparison::p_value);
     let tests: Vec<(usize, f64)> = (trials.iter().enumerate())
         .flat_map(|(i, trial)| of_trial(trial).into_iter().flatten().map(move |p_value| (i, p_value)))
         .collect();
@@ -86,7 +86,8 @@ mod tests {
         });
         let budget = Budget::new([Term::new("scale", CommonTo::Sensor, [(scale_deg, f64::INFINITY)])]);
         let yaw = AngleComparison { angle: "yaw", error_deg, uncertainty, budget, ..AngleComparison::default() };
-        Comparison { name: name.to_owned(), yaw, ..Comparison::default() }
+        let angles = [yaw, AngleComparison::default(), AngleComparison::default()];
+        Comparison { name: name.to_owned(), angles, ..Comparison::default() }
     }
 
     #[test]
@@ -113,7 +114,7 @@ mod tests {
         let trials: Vec<Comparison> = (0..16)
             .map(|_| {
                 let mut trial = trial("", 0.5, 0.5, 0.0);
-                (trial.modelled, trial.yaw.other_u_deg) = ("one.mcap".into(), 0.4);
+                (trial.modelled, trial.angles[0].other_u_deg) = ("one.mcap".into(), 0.4);
                 trial
             })
             .collect();

@@ -8,7 +8,7 @@ const ANGLES: [&str; 3] = ["yaw", "pitch", "roll"];
 
 /// Returns the verdict.
 pub(super) fn verdict(trials: &[Comparison], angles: &[SessionAngle], chance: Option<&Chance>) -> String {
-    let is_unknown = |trial: &&Comparison| trial.angles().iter().any(|angle| angle.uncertainty.is_none());
+    let is_unknown = |trial: &&Comparison| trial.angles.iter().any(|angle| angle.uncertainty.is_none());
     let unknown = trials.iter().filter(is_unknown).count();
     let all = count(trials.len(), "trial");
     let what = match unknown_angles(trials).as_slice() {
@@ -30,7 +30,7 @@ pub(super) fn verdict(trials: &[Comparison], angles: &[SessionAngle], chance: Op
 
 /// Returns the angles whose uncertainty is unknown in a trial.
 fn unknown_angles(trials: &[Comparison]) -> Vec<&'static str> {
-    let is_unknown = |k: &usize| trials.iter().any(|trial| trial.angles()[*k].uncertainty.is_none());
+    let is_unknown = |k: &usize| trials.iter().any(|trial| trial.angles[*k].uncertainty.is_none());
     (0..ANGLES.len()).filter(is_unknown).map(|k| ANGLES[k]).collect()
 }
 
@@ -39,7 +39,7 @@ fn differing(trials: &[Comparison]) -> String {
     let steady = trials.iter().filter(|trial| !trial.differences.is_empty()).count();
     let transient = trials.iter().filter(|trial| !trial.transients_agree()).count();
     if steady == 0 {
-        let is_known = |trial: &Comparison| trial.angles().iter().all(|angle| angle.uncertainty.is_some());
+        let is_known = |trial: &Comparison| trial.angles.iter().all(|angle| angle.uncertainty.is_some());
         let known = trials.iter().filter(|trial| is_known(trial)).count();
         let number = if known == trials.len() { format!("all of {all}") } else { format!("{known} of {all}") };
         let smallest = smallest(trials);
@@ -73,7 +73,7 @@ fn differing(trials: &[Comparison]) -> String {
 /// Returns the smallest differences that the trials could show.
 fn smallest(trials: &[Comparison]) -> String {
     let of_angle = |k: usize| {
-        let each = trials.iter().filter_map(|trial| trial.angles()[k].uncertainty.filter(|all| all.total_deg > 0.0));
+        let each = trials.iter().filter_map(|trial| trial.angles[k].uncertainty.filter(|all| all.total_deg > 0.0));
         let [low, high] =
             each.fold([f64::INFINITY, 0.0], |[low, high], all| [low.min(all.total_deg), high.max(all.total_deg)]);
         let range = if format!("{low:.2}") == format!("{high:.2}") {
@@ -131,7 +131,7 @@ mod tests {
             transient: Some(Transient::default()),
             ..AngleComparison::default()
         };
-        Comparison { yaw: angle("yaw"), pitch: angle("pitch"), roll: angle("roll"), ..Comparison::default() }
+        Comparison { angles: ANGLES.map(angle), ..Comparison::default() }
     }
 
     fn said(trials: &[Comparison]) -> String {
@@ -142,7 +142,7 @@ mod tests {
     fn agreement_is_claimed_only_where_the_uncertainty_is_known() {
         let (known, wide) = (trial(0.5), trial(1.5));
         let mut unknown = trial(0.5);
-        unknown.yaw.uncertainty = None;
+        unknown.angles[0].uncertainty = None;
         assert_eq!(
             said(&[known.clone(), wide]),
             "Model and measurement agree in all of 2 trials within ±0.50° to ±1.50° of yaw, ±0.50° to ±1.50° of pitch and \
@@ -150,7 +150,7 @@ mod tests {
         );
         assert_eq!(said(&[unknown.clone(), unknown.clone()]), "The uncertainty of yaw is unknown in all of 2 trials");
         let mut nothing = unknown.clone();
-        (nothing.pitch.uncertainty, nothing.roll.uncertainty) = (None, None);
+        (nothing.angles[1].uncertainty, nothing.angles[2].uncertainty) = (None, None);
         assert_eq!(said(&[nothing.clone(), nothing]), "The uncertainty is unknown in all of 2 trials");
         // What differs is said, even if nothing is known of another angle.
         let mut apart = unknown.clone();
@@ -163,7 +163,7 @@ mod tests {
         assert!(said(&[model, trial(0.0)]).starts_with("Both sides agree"));
         assert!(said(&[known.clone(), unknown]).ends_with("; the uncertainty of yaw is unknown in 1 of 2 trials"));
         let mut short = trial(0.5);
-        (short.yaw.transient, short.pitch.transient, short.roll.transient) = (None, None, None);
+        short.angles.iter_mut().for_each(|angle| angle.transient = None);
         short.unjudged = Some(Unjudged::Short);
         let short = said(&[known, short]);
         assert!(short.starts_with("The steady states agree in all of 2 trials"), "{short}");
@@ -175,7 +175,7 @@ mod tests {
         let mut steady = trial(0.5);
         steady.differences = vec![Difference { angle: "yaw", error_deg: -3.0, ..Difference::default() }];
         let mut transient = trial(0.5);
-        transient.pitch.transient = Some(Transient { residual_deg: 2.0, allowed_deg: 0.3, ..Transient::default() });
+        transient.angles[1].transient = Some(Transient { residual_deg: 2.0, allowed_deg: 0.3, ..Transient::default() });
         let agreeing = said(&[trial(0.5), transient.clone()]);
         assert!(agreeing.starts_with("The steady states agree in all of 2 trials within"), "{agreeing}");
         assert!(agreeing.ends_with("; the transients differ in 1 of 2 trials"), "{agreeing}");
