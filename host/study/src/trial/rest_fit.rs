@@ -139,8 +139,9 @@ fn mean_of_return(length_s: f64, return_s: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::attitude::Columns;
-    use crate::trial::righting::Righting;
+    use crate::trial::righting::left_deg;
     use crate::trial::tilt_zero::TiltZero;
+    use biflag_log::RestMeta;
     use sim::split_mix::uniform;
     use std::f64::consts::TAU;
 
@@ -183,8 +184,7 @@ mod tests {
         for seed in 0..seeds {
             let columns = tilt(seed, return_deg, return_s, slow_deg);
             let track = columns.track(0);
-            let righting = Righting { time_constant_s: return_s, waited: None };
-            let zero = TiltZero::of([track; 2], &(0.0..STILL_S), &ZERO, 1.0, righting).unwrap();
+            let zero = TiltZero::of([track; 2], &(0.0..STILL_S), &ZERO, [1.0, return_s], 0.0).unwrap();
             let budget = crate::trial::Budget::new(zero.terms([1.0, 0.0], RUN_S - 1.0));
             let error = track.mean(STILL_S + 1.0..STILL_S + RUN_S).unwrap() - track.mean(ZERO).unwrap();
             inside += u32::from(error.abs() < budget.uncertainty_deg());
@@ -226,7 +226,8 @@ mod tests {
     fn robot_that_is_touched_after_a_wait_has_a_wider_interval() {
         let return_s = 12.0;
         // The bound on the rate dates from 7 s before the still phase.
-        let righting = Righting { time_constant_s: return_s, waited: Some([-7.0, 0.008]) };
+        let wait = RestMeta { waited_s: -7.0, tilt_dps: Some(0.008), ..RestMeta::default() };
+        let waited_deg = left_deg(Some(&wait), return_s, &ZERO);
         let covered = |touched_s: f64, by_deg: f64| {
             let touch = |time: f64| {
                 let is_after = (touched_s..STILL_S).contains(&time);
@@ -240,7 +241,7 @@ mod tests {
                     columns.push(*time, [still.row(i)[0] + touch(*time)]);
                 });
                 let track = columns.track(0);
-                let zero = TiltZero::of([track; 2], &(0.0..STILL_S), &ZERO, 1.0, righting).unwrap();
+                let zero = TiltZero::of([track; 2], &(0.0..STILL_S), &ZERO, [1.0, return_s], waited_deg).unwrap();
                 let stated_deg = crate::trial::Budget::new(zero.terms([1.0, 0.0], RUN_S - 1.0)).uncertainty_deg();
                 let error = track.mean(STILL_S + 1.0..STILL_S + RUN_S).unwrap() - track.mean(ZERO).unwrap();
                 inside += u32::from(error.abs() < stated_deg);

@@ -14,33 +14,18 @@ use std::sync::{Mutex, PoisonError};
 /// Longest time constant, s: with longer ones, a tilt hardly changes over a rest of a minute.
 const LONGEST_S: f64 = 600.0;
 
-/// The return of the tilt to rest before a run.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Righting {
-    /// Its time constant, s.
-    pub time_constant_s: f64,
-    /// End of the recorder's wait for a still robot, s, and the bound on the rate of the tilt at that time, °/s; `None`
-    /// if it did not wait, or too briefly for a bound.
-    pub waited: Option<[f64; 2]>,
+/// Returns the time constant with which the tilt of a robot returns to rest, s.
+pub(super) fn righting_s(constants: Option<TimeConstants>) -> f64 {
+    constants.map_or(LONGEST_S, |constants| constants.tilt_s.min(LONGEST_S))
 }
 
-impl Righting {
-    /// Returns the righting in a trial of a robot with these time constants.
-    pub fn of(data: &Data, constants: Option<TimeConstants>) -> Self {
-        let waited = |rest: &RestMeta| Some([rest.waited_s, rest.tilt_dps?]);
-        let waited = data.records.rest.as_ref().and_then(waited);
-        let tilt_s = constants.map_or(LONGEST_S, |constants| constants.tilt_s);
-        Self { time_constant_s: tilt_s.min(LONGEST_S), waited }
-    }
-
-    /// Returns the standard deviation of the tilt that may remain after the wait in the mean over `zero`, degrees; 0
-    /// without a wait.
-    pub fn left_deg(self, zero: &Range<f64>) -> f64 {
-        let tau = self.time_constant_s;
-        // The bound is two standard deviations.
-        self.waited
-            .map_or(0.0, |[waited_s, tilt_dps]| 0.5 * tilt_dps * tau * exp(-(middle(zero) - waited_s).max(0.0) / tau))
-    }
+/// Returns the standard deviation of the tilt that may remain after the recorder's wait for a still robot in the mean over
+/// `zero`, degrees; 0 without a wait, or after one that was too brief for a bound.
+pub(super) fn left_deg(wait: Option<&RestMeta>, righting_s: f64, zero: &Range<f64>) -> f64 {
+    let Some((waited_s, tilt_dps)) = wait.and_then(|wait| Some((wait.waited_s, wait.tilt_dps?))) else { return 0.0 };
+    let passed_s = (0.5 * (zero.start + zero.end) - waited_s).max(0.0);
+    // The bound is two standard deviations.
+    0.5 * tilt_dps * righting_s * exp(-passed_s / righting_s)
 }
 
 /// Returns the time constants of the robot in the log, or of the robot `physical` if the log has no valid one.
@@ -82,10 +67,6 @@ fn tilt_of_thrusts_deg(robot: &Robot) -> Option<f64> {
     Some(asin(sine.min(1.0)).to_degrees().min(LARGEST_DEG))
 }
 
-fn middle(range: &Range<f64>) -> f64 {
-    0.5 * (range.start + range.end)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,8 +84,8 @@ mod tests {
 
     #[test]
     fn slow_robot_has_more_left_after_its_wait() {
-        let left =
-            |time_constant_s: f64| Righting { time_constant_s, waited: Some([10.0, 0.01]) }.left_deg(&(25.0..35.0));
+        let wait = RestMeta { waited_s: 10.0, tilt_dps: Some(0.01), ..RestMeta::default() };
+        let left = |righting_s: f64| left_deg(Some(&wait), righting_s, &(25.0..35.0));
         assert!((left(12.0) - 0.06 * (-20.0f64 / 12.0).exp()).abs() < 1e-12);
         assert!((left(45.0) - 0.225 * (-20.0f64 / 45.0).exp()).abs() < 1e-12);
     }

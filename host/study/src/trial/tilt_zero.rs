@@ -2,7 +2,6 @@
 
 use super::budget::{CommonTo, Term};
 use super::rest_fit::{BLOCK_S, RestFit};
-use super::righting::Righting;
 use crate::attitude::Track;
 use sim::functions::{exp, powi};
 use std::ops::Range;
@@ -30,17 +29,18 @@ pub(super) struct TiltZero {
 
 impl TiltZero {
     /// Estimates the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; returns `None`
-    /// if the phase is too short. `filter_s`: time constant of the board's filter.
+    /// if the phase is too short. `filter_s`, `righting_s`: time constants of the board's filter and of the return to
+    /// rest; `waited_deg`: see [`super::righting::left_deg`].
     pub fn of(
         tilts: [Track; 2],
         still: &Range<f64>,
         zero: &Range<f64>,
-        filter_s: f64,
-        righting: Righting,
+        [filter_s, righting_s]: [f64; 2],
+        waited_deg: f64,
     ) -> Option<Self> {
-        let fit = |tilt: Track| RestFit::of(tilt, still, zero, filter_s, righting.time_constant_s);
+        let fit = |tilt: Track| RestFit::of(tilt, still, zero, filter_s, righting_s);
         let fits = [fit(tilts[0])?, fit(tilts[1])?];
-        let moved_deg = fits.map(|fit| moved_deg(fit.left_deg, righting.left_deg(zero)));
+        let moved_deg = fits.map(|fit| moved_deg(fit.left_deg, waited_deg));
         Some(Self { fits, moved_deg, zero_s: zero.end - zero.start, filter_s })
     }
 
@@ -99,9 +99,11 @@ mod tests {
         let tilt = |time_s: f64| (-time_s / time_constant_s).exp();
         let mut columns = Columns::<1>::default();
         (0..6000).map(|i| 0.005 * f64::from(i)).for_each(|time| columns.push(time, [tilt(time)]));
-        let righting = Righting { time_constant_s, waited: None };
         let track = columns.track(0);
-        (TiltZero::of([track; 2], &still, over, 1.0, righting).unwrap(), track.mean(over.clone()).unwrap())
+        (
+            TiltZero::of([track; 2], &still, over, [1.0, time_constant_s], 0.0).unwrap(),
+            track.mean(over.clone()).unwrap(),
+        )
     }
 
     #[test]

@@ -17,7 +17,7 @@ use super::imported::Stated;
 use super::over_time::OverTime;
 use super::rest::{AtRest, START_S};
 use super::rest_fit::end_of;
-use super::righting::{Righting, time_constants};
+use super::righting::{left_deg, righting_s, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
@@ -163,9 +163,10 @@ impl Zeroed {
         let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
-        let righting = Righting::of(data, constants);
-        let tilt_zero =
-            if has_still { TiltZero::of(tilts, &phases.before, &tilt_over, filter_s, righting) } else { None };
+        let righting_s = righting_s(constants);
+        let waited_deg = left_deg(data.records.rest.as_ref(), righting_s, &tilt_over);
+        let tilt_zero = || TiltZero::of(tilts, &phases.before, &tilt_over, [filter_s, righting_s], waited_deg);
+        let tilt_zero = if has_still { tilt_zero() } else { None };
         let mut rest = AtRest::new(data, &series, &phases, has_still, drift.as_ref());
         rest.lost = started.filter(|_| data.times.has_run());
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());

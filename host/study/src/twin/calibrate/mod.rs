@@ -128,7 +128,7 @@ fn fit(
     let errors = problem.errors().unwrap_or_default();
     let rmse_after_deg = rms(errors.iter().flatten());
     warnings.extend(judge::stuck(problem.has_moved(), rmse_after_deg));
-    let robot = problem.robot(problem.start, problem.moved());
+    let robot = problem.robot(problem.start, &problem.moved);
     let model_error = ModelError::of(&robot);
     let spread = Spread::of(&problem, &errors, &model_error)?;
     let short_of_minimum = spread.short_of_minimum(&parameters);
@@ -184,7 +184,7 @@ fn fitted(trials: &[FitTrial], before: &[Blocks], after: &[Blocks]) -> Vec<Fitte
 fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<FittedParameter> {
     let Given { parameters, closure, .. } = problem.given;
     let one = |(i, parameter): (usize, &Parameter)| {
-        let value = parameter.value(problem.start, closure, problem.moved()[i]);
+        let value = parameter.value(problem.start, closure, problem.moved[i]);
         // An angle may have passed half a turn.
         let value = if parameter.is_angle() { wrapped(value) } else { value };
         let deviation = spread.deviation(i);

@@ -56,7 +56,8 @@ pub(super) struct Given<'a> {
 pub(super) struct Problem<'a> {
     pub given: Given<'a>,
     pub start: &'a Robot,
-    moved: Vec<f64>,
+    /// The change of each parameter.
+    pub moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
     /// The last slopes, and the parameters at which they were computed.
@@ -72,11 +73,6 @@ impl<'a> Problem<'a> {
             Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None, slopes: Mutex::default() };
         problem.modelled = problem.model(problem.start, &problem.moved);
         problem
-    }
-
-    /// Returns the change of each parameter.
-    pub fn moved(&self) -> &[f64] {
-        &self.moved
     }
 
     /// Returns the parameters that have reached, or nearly reached, their limit.
