@@ -60,7 +60,7 @@ impl Counts {
         if is_new && outcome.is_err() {
             self.failed.add(index);
         }
-        if is_new && outcome.steady().is_some_and(|steady| steady.kind == Kind::NotFound) {
+        if is_new && outcome.as_ref().is_ok_and(|steady| steady.kind == Kind::NotFound) {
             self.not_found.add(index);
         }
         is_new
