@@ -44,12 +44,14 @@ pub mod params;
 pub mod resistance;
 pub mod return_to_rest;
 pub mod rod;
-#[cfg(test)]
-mod same_bits;
 mod simd;
 pub mod split_mix;
 pub mod steady;
 pub mod step;
+#[cfg(test)]
+mod tests {
+    mod same_bits;
+}
 pub mod trial;
 
 /// A vector in three dimensions.

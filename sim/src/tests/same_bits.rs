@@ -12,7 +12,7 @@ use crate::trial::{Options, Trial};
 use serde::Serialize;
 use std::time::Instant;
 
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/same_bits.txt");
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/tests/same_bits.txt");
 
 /// A robot, the speeds of its motors in rpm, and the duration in s.
 type Case = (&'static str, Robot, [f64; 2], f64);
