@@ -90,7 +90,7 @@ test: build python
 # The demo stops where a number of its story is not in the output of its command.
 proof: demo
 	@sh firmware/setup.sh test
-	$(CARGO) test --release --locked -p biflag-log --features generate --lib schema
+	$(CARGO) test --release --locked -p biflag-log --features generate --test schema
 	@sh firmware/setup.sh proof
 	for cpu in Haswell Nehalem qemu64; do CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="qemu-x86_64 -cpu $$cpu" \
 		$(CARGO) test --release --locked -p sim --lib same_bits || exit; done

@@ -5,9 +5,6 @@
 //! --release -p biflag-log --features generate schema` writes the types again. Without that variable the same test
 //! compares them with the generator's output, as `make proof` does.
 
-#[cfg(test)]
-mod current;
-
 use prost::Message;
 
 /// Messages of the robot.

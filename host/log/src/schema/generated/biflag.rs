@@ -204,20 +204,6 @@ pub mod event {
                 Self::Warning => "KIND_WARNING",
             }
         }
-        /// Creates an enum from field names used in the ProtoBuf definition.
-        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-            match value {
-                "KIND_NOTE" => Some(Self::Note),
-                "KIND_PHASE" => Some(Self::Phase),
-                "KIND_STATE" => Some(Self::State),
-                "KIND_FAULT" => Some(Self::Fault),
-                "KIND_RETRY" => Some(Self::Retry),
-                "KIND_CALIBRATION" => Some(Self::Calibration),
-                "KIND_CLOCK" => Some(Self::Clock),
-                "KIND_WARNING" => Some(Self::Warning),
-                _ => None,
-            }
-        }
     }
 }
 /// Channel /truth, of modelled and simulated robots: the exact state, without sensor errors or rounding. Of imported trials: the
@@ -310,15 +296,6 @@ pub mod forces {
                 Self::Bundled => "BUNDLING_BUNDLED",
             }
         }
-        /// Creates an enum from field names used in the ProtoBuf definition.
-        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-            match value {
-                "BUNDLING_APART" => Some(Self::Apart),
-                "BUNDLING_TOUCHING" => Some(Self::Touching),
-                "BUNDLING_BUNDLED" => Some(Self::Bundled),
-                _ => None,
-            }
-        }
     }
 }
 /// Channel /nodes, of modelled and simulated robots, if requested: the centre lines of the flagella. Body axes.
@@ -407,17 +384,6 @@ impl State {
             Self::Driving => "STATE_DRIVING",
         }
     }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "STATE_IDLE" => Some(Self::Idle),
-            "STATE_CALIBRATING" => Some(Self::Calibrating),
-            "STATE_RUNNING" => Some(Self::Running),
-            "STATE_FAULTED" => Some(Self::Faulted),
-            "STATE_DRIVING" => Some(Self::Driving),
-            _ => None,
-        }
-    }
 }
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
@@ -468,31 +434,6 @@ impl Fault {
             Self::Encoder2Failed => "FAULT_ENCODER2_FAILED",
             Self::Encoder1Noisy => "FAULT_ENCODER1_NOISY",
             Self::Encoder2Noisy => "FAULT_ENCODER2_NOISY",
-        }
-    }
-    /// Creates an enum from field names used in the ProtoBuf definition.
-    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-        match value {
-            "FAULT_NONE" => Some(Self::None),
-            "FAULT_LINK_LOST" => Some(Self::LinkLost),
-            "FAULT_HANG" => Some(Self::Hang),
-            "FAULT_PANIC" => Some(Self::Panic),
-            "FAULT_IMU_SILENT" => Some(Self::ImuSilent),
-            "FAULT_IMU_BUS_STUCK" => Some(Self::ImuBusStuck),
-            "FAULT_IMU_FROZEN" => Some(Self::ImuFrozen),
-            "FAULT_MOTOR1_STALLED" => Some(Self::Motor1Stalled),
-            "FAULT_MOTOR2_STALLED" => Some(Self::Motor2Stalled),
-            "FAULT_IMU_LOST_CONFIG" => Some(Self::ImuLostConfig),
-            "FAULT_SUPPLY_LOW" => Some(Self::SupplyLow),
-            "FAULT_MOTOR1_RUNAWAY" => Some(Self::Motor1Runaway),
-            "FAULT_MOTOR2_RUNAWAY" => Some(Self::Motor2Runaway),
-            "FAULT_MOTOR1_OVERLOADED" => Some(Self::Motor1Overloaded),
-            "FAULT_MOTOR2_OVERLOADED" => Some(Self::Motor2Overloaded),
-            "FAULT_ENCODER1_FAILED" => Some(Self::Encoder1Failed),
-            "FAULT_ENCODER2_FAILED" => Some(Self::Encoder2Failed),
-            "FAULT_ENCODER1_NOISY" => Some(Self::Encoder1Noisy),
-            "FAULT_ENCODER2_NOISY" => Some(Self::Encoder2Noisy),
-            _ => None,
         }
     }
 }

@@ -163,15 +163,6 @@ pub mod line_primitive {
                 Self::LineList => "LINE_LIST",
             }
         }
-        /// Creates an enum from field names used in the ProtoBuf definition.
-        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-            match value {
-                "LINE_STRIP" => Some(Self::LineStrip),
-                "LINE_LOOP" => Some(Self::LineLoop),
-                "LINE_LIST" => Some(Self::LineList),
-                _ => None,
-            }
-        }
     }
 }
 /// A visual element in a 3D scene. An entity may be composed of multiple primitives which all share the same frame of
@@ -288,21 +279,6 @@ pub mod packed_element_field {
                 Self::Int32 => "INT32",
                 Self::Float32 => "FLOAT32",
                 Self::Float64 => "FLOAT64",
-            }
-        }
-        /// Creates an enum from field names used in the ProtoBuf definition.
-        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
-            match value {
-                "UNKNOWN" => Some(Self::Unknown),
-                "UINT8" => Some(Self::Uint8),
-                "INT8" => Some(Self::Int8),
-                "UINT16" => Some(Self::Uint16),
-                "INT16" => Some(Self::Int16),
-                "UINT32" => Some(Self::Uint32),
-                "INT32" => Some(Self::Int32),
-                "FLOAT32" => Some(Self::Float32),
-                "FLOAT64" => Some(Self::Float64),
-                _ => None,
             }
         }
     }

@@ -71,7 +71,25 @@ mod generator {
             config.extern_path(format!(".foxglove.{name}"), "()");
         }
         config.out_dir(folder).compile_fds(compile(&SCHEMAS)).unwrap();
+        for file in files(folder).iter().filter(|file| file.extension() == Some("rs".as_ref())) {
+            fs::write(file, without_parsers(&fs::read_to_string(file).unwrap())).unwrap();
+        }
         fs::write(folder.join(SOURCES), sources()).unwrap();
+    }
+
+    /// Leaves out the functions that find a value by its name: logs have numbers.
+    fn without_parsers(code: &str) -> String {
+        let mut end_of_function = None;
+        let is_kept = |line: &&str| {
+            let indent = &line[..line.len() - line.trim_start().len()];
+            if line.trim_start().starts_with("/// Creates an enum from field names") {
+                end_of_function = Some(format!("{indent}}}\n"));
+            }
+            let is_kept = end_of_function.is_none();
+            end_of_function.take_if(|end| end == *line);
+            is_kept
+        };
+        code.split_inclusive('\n').filter(is_kept).collect()
     }
 
     fn files(folder: &Path) -> Vec<PathBuf> {
