@@ -7,7 +7,7 @@
 
 use super::{far::gauss_rule, stokeslet_factor};
 use crate::V3;
-use crate::lanes::{PADDING, Wide};
+use crate::lanes::{PADDING, Vectors, Wide, Wide3};
 use crate::simd::{Kernel, Simd, dispatch};
 
 /// Returns the inverse hyperbolic tangent. Half-angle steps leave an argument below 0.31; eleven terms are then good to
@@ -33,11 +33,11 @@ pub struct NearBand {
     /// For each diagonal the six components xx, xy, xz, yy, yz, zz, padded to whole vectors.
     diagonals: Vec<[Vec<f64>; 6]>,
     /// Padded nodes, `reach` before and after the rod.
-    padded: [Vec<f64>; 3],
+    padded: Vectors,
     /// 1 for segments that exist.
     mask: Vec<f64>,
-    density: [Vec<f64>; 3],
-    flow: [Vec<f64>; 3],
+    density: Vectors,
+    flow: Vectors,
 }
 
 impl NearBand {
@@ -48,16 +48,15 @@ impl NearBand {
         let length = rows + 2 * reach + 2;
         let mut mask = vec![0.0; length];
         mask[reach..reach + nodes - 1].fill(1.0);
-        let zeros = |n: usize| std::array::from_fn(|_| vec![0.0; n]);
         Self {
             nodes,
             reach,
             rule: gauss_rule(gauss_points),
             diagonals: (0..=2 * reach).map(|_| std::array::from_fn(|_| vec![0.0; rows])).collect(),
-            padded: zeros(length),
+            padded: Vectors::new(length),
             mask,
-            density: zeros(length),
-            flow: zeros(rows),
+            density: Vectors::new(length),
+            flow: Vectors::new(rows),
         }
     }
 
@@ -66,7 +65,7 @@ impl NearBand {
         let (n, reach) = (self.nodes, self.reach);
         // Beyond the ends the line is straight: its numbers stay finite, and the mask drops them.
         let (before, after) = (shape[0] - shape[1], shape[n - 1] - shape[n - 2]);
-        for q in 0..self.padded[0].len() {
+        for q in 0..self.mask.len() {
             let node = if q < reach {
                 shape[0] + before * (reach - q) as f64
             } else if q - reach < n {
@@ -74,12 +73,14 @@ impl NearBand {
             } else {
                 shape[n - 1] + after * (q - reach - n + 1) as f64
             };
-            for axis in 0..3 {
-                self.padded[axis][q] = node[axis];
-            }
+            self.padded.set(q, node);
         }
         let (e2, factor) = (epsilon * epsilon, stokeslet_factor(viscosity));
         dispatch(Assemble { band: self, e2, factor });
+    }
+
+    fn rows(&self) -> usize {
+        self.diagonals[0][0].len()
     }
 
     #[inline(always)]
@@ -89,14 +90,14 @@ impl NearBand {
                 component.fill(0.0);
             }
         }
-        let rows = self.flow[0].len();
+        let rows = self.rows();
         let factor = Wide::all(simd, factor);
         for offset in 0..2 * self.reach {
             for block in (0..rows).step_by(S::F64_LANES) {
                 let (at, start) = (block + self.reach, block + offset);
-                let x = load(simd, &self.padded, at);
-                let y0 = load(simd, &self.padded, start);
-                let y1 = load(simd, &self.padded, start + 1);
+                let x = self.padded.load(simd, at).0;
+                let y0 = self.padded.load(simd, start).0;
+                let y1 = self.padded.load(simd, start + 1).0;
                 let v = [y0[0] - y1[0], y0[1] - y1[1], y0[2] - y1[2]];
                 let d = [x[0] - y0[0], x[1] - y0[1], x[2] - y0[2]];
                 let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
@@ -116,21 +117,19 @@ impl NearBand {
     /// Computes the velocity at each node from the band alone; [`NearBand::flow`] returns it. `density`: N/m.
     pub fn multiply(&mut self, density: &[V3]) {
         for (i, f) in density.iter().enumerate() {
-            for axis in 0..3 {
-                self.density[axis][self.reach + i] = f[axis];
-            }
+            self.density.set(self.reach + i, *f);
         }
         dispatch(Multiply(self));
     }
 
     #[inline(always)]
     fn multiply_padded<S: Simd>(&mut self, simd: S) {
-        let rows = self.flow[0].len();
+        let rows = self.rows();
         for block in (0..rows).step_by(S::F64_LANES) {
             let zero = Wide::all(simd, 0.0);
             let mut sums = [zero; 3];
             for (offset, diagonal) in self.diagonals.iter().enumerate() {
-                let g = load(simd, &self.density, block + offset);
+                let g = self.density.load(simd, block + offset).0;
                 for q in 0..6 {
                     let (a, b) = PAIRS[q];
                     let entry = Wide::load(simd, &diagonal[q], block);
@@ -140,23 +139,15 @@ impl NearBand {
                     }
                 }
             }
-            for axis in 0..3 {
-                sums[axis].store(&mut self.flow[axis], block);
-            }
+            self.flow.store(Wide3(sums), block);
         }
     }
 
     /// Returns the velocity of a node after [`NearBand::multiply`], m/s.
     #[inline(always)]
     pub fn flow(&self, i: usize) -> V3 {
-        V3::new(self.flow[0][i], self.flow[1][i], self.flow[2][i])
+        self.flow.at(i)
     }
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, line: &[Vec<f64>; 3], at: usize) -> [Wide<S>; 3] {
-    let [x, y, z] = line;
-    [Wide::load(simd, x, at), Wide::load(simd, y, at), Wide::load(simd, z, at)]
 }
 
 /// Compiles the assembly for the machine's vector instructions.

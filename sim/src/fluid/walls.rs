@@ -22,7 +22,7 @@
 //! correction, and the images that are far from the robot; [`Walls::near`] has the other images.
 
 use crate::V3;
-use crate::lanes::{PADDING, Wide};
+use crate::lanes::{PADDING, Vectors, Wide, Wide3};
 use crate::params::{Face, Tank};
 use crate::simd::{Kernel, Simd, dispatch};
 use nalgebra::{DMatrix, Matrix3};
@@ -204,28 +204,27 @@ pub struct Images {
     /// For every source nine columns over the targets, 3 b + a as in [`blake`], padded to whole registers, one after the
     /// other.
     columns: Vec<f64>,
-    at: [Vec<f64>; 3],
-    flow: [Vec<f64>; 3],
+    /// Number of targets, padded.
+    padded: usize,
+    at: Vectors,
+    flow: Vectors,
 }
 
 impl Images {
     /// Computes the matrix for these points, m: world axes.
     pub fn assemble(&mut self, walls: &Walls, targets: &[V3], sources: &[V3], epsilon: f64) {
-        let padded = targets.len().div_ceil(PADDING) * PADDING;
-        for (axis, (at, flow)) in self.at.iter_mut().zip(&mut self.flow).enumerate() {
-            // Padding repeats a point: its numbers stay finite.
-            at.clear();
-            at.extend((0..padded).map(|i| targets[i.min(targets.len() - 1)][axis]));
-            flow.resize(padded, 0.0);
-        }
-        self.columns.resize(9 * padded * sources.len(), 0.0);
+        self.padded = targets.len().div_ceil(PADDING) * PADDING;
+        // Padding repeats a point: its numbers stay finite.
+        self.at.fill(self.padded, |i| targets[i.min(targets.len() - 1)]);
+        self.flow.fill(self.padded, |_| V3::zeros());
+        self.columns.resize(9 * self.padded * sources.len(), 0.0);
         dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
     }
 
     /// Adds the matrix times a factor to another one, with three rows a target and three columns a source.
     pub fn add_to(&self, matrix: &mut DMatrix<f64>, factor: f64) {
         let targets = matrix.nrows() / 3;
-        let padded = self.at[0].len();
+        let padded = self.padded;
         for (j, columns) in self.columns.chunks_exact(9 * padded).enumerate() {
             for (entry, column) in columns.chunks_exact(padded).enumerate() {
                 let (b, a) = (entry / 3, entry % 3);
@@ -244,7 +243,7 @@ impl Images {
     /// Returns the flow at a target after [`Images::multiply`], without the factor 1/(8 pi mu): N/m.
     #[inline(always)]
     pub fn flow(&self, i: usize) -> V3 {
-        V3::new(self.flow[0][i], self.flow[1][i], self.flow[2][i])
+        self.flow.at(i)
     }
 }
 
@@ -262,12 +261,11 @@ impl Kernel for Assemble<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { images, walls, sources, e2 } = self;
-        let [x, y, z] = &images.at;
         let zero = Wide::all(simd, 0.0);
-        let padded = x.len();
+        let padded = images.padded;
         for (source, columns) in sources.iter().zip(images.columns.chunks_exact_mut(9 * padded)) {
             for block in (0..padded).step_by(S::F64_LANES) {
-                let at = [Wide::load(simd, x, block), Wide::load(simd, y, block), Wide::load(simd, z, block)];
+                let at = images.at.load(simd, block).0;
                 let mut sum = [zero; 9];
                 if let Some(surface) = walls.surface {
                     let reflected = V3::new(source.x, source.y, 2.0 * surface - source.z);
@@ -299,7 +297,7 @@ impl Kernel for Multiply<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { images, first, forces } = self;
-        let padded = images.at[0].len();
+        let padded = images.padded;
         let columns = &images.columns[9 * padded * first..];
         for block in (0..padded).step_by(S::F64_LANES) {
             // One sum for each axis of the force: a single sum would wait for each of its terms.
@@ -313,9 +311,8 @@ impl Kernel for Multiply<'_> {
                     }
                 }
             }
-            for (a, flow) in images.flow.iter_mut().enumerate() {
-                (sums[0][a] + sums[1][a] + sums[2][a]).store(flow, block);
-            }
+            let sum = |a: usize| sums[0][a] + sums[1][a] + sums[2][a];
+            images.flow.store(Wide3([sum(0), sum(1), sum(2)]), block);
         }
     }
 }
