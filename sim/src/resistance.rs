@@ -16,8 +16,7 @@ use crate::V3;
 use crate::body::shaft::Shaft;
 use crate::fluid::Line;
 use crate::fluid::head::{RigidSurface, rigid_motions, stokeslet};
-use crate::fluid::mobility::{mobility, nodal_lengths};
-use crate::fluid::segment::segment_flow;
+use crate::fluid::mobility::{add_flow_at, mobility, nodal_lengths};
 use crate::fluid::stokeslet_factor;
 use crate::fluid::tank::TankFlow;
 use crate::params::{ParamError, Robot};
@@ -159,17 +158,7 @@ fn coupled_mobility(robot: &Robot, flagella: &[Flagellum], head: Option<&RigidSu
             let flow = stokeslet(node - x, epsilon * epsilon) * factor;
             matrix.fixed_view_mut::<3, 3>(3 * i, row).copy_from(&flow);
         }
-        let mut column = 0;
-        for line in &lines {
-            for edge in line.windows(2) {
-                for (side, flow) in segment_flow(*x, edge[0], edge[1], epsilon).iter().enumerate() {
-                    let mut block = matrix.fixed_view_mut::<3, 3>(row, column + 3 * side);
-                    block += flow * factor;
-                }
-                column += 3;
-            }
-            column += 3;
-        }
+        add_flow_at(*x, &lines, epsilon, factor, row, &mut matrix);
     }
     matrix
 }

@@ -17,19 +17,24 @@ pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
     let size: usize = lines.iter().map(|line| 3 * line.len()).sum();
     let mut matrix = DMatrix::zeros(size, size);
     for (i, x) in lines.iter().flat_map(|line| line.iter()).enumerate() {
-        let mut column = 0;
-        for sources in lines {
-            for edge in sources.windows(2) {
-                for (side, flow) in segment_flow(*x, edge[0], edge[1], epsilon).iter().enumerate() {
-                    let mut block = matrix.fixed_view_mut::<3, 3>(3 * i, column + 3 * side);
-                    block += flow * factor;
-                }
-                column += 3;
+        add_flow_at(*x, lines, epsilon, factor, 3 * i, &mut matrix);
+    }
+    matrix
+}
+
+/// Adds the flow at a point (m) to three rows of a matrix from `row` on: three columns a node, as in [`mobility`].
+pub fn add_flow_at(x: V3, lines: &[&[V3]], epsilon: f64, factor: f64, row: usize, matrix: &mut DMatrix<f64>) {
+    let mut column = 0;
+    for line in lines {
+        for edge in line.windows(2) {
+            for (side, flow) in segment_flow(x, edge[0], edge[1], epsilon).iter().enumerate() {
+                let mut block = matrix.fixed_view_mut::<3, 3>(row, column + 3 * side);
+                block += flow * factor;
             }
             column += 3;
         }
+        column += 3;
     }
-    matrix
 }
 
 /// Returns the weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
