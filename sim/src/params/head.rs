@@ -79,11 +79,8 @@ impl Head {
         for foot in feet {
             let gap = self.gap_to_flagellum(foot, reach, rod);
             if gap <= 0.0 {
-                return refuse(
-                    "head.radius_m",
-                    self.radius_m,
-                    format!("the head and a turning flagellum overlap by {:.2e} m", -gap),
-                );
+                let reason = format!("the head and a turning flagellum overlap by {:.2e} m", -gap);
+                return refuse("head.radius_m", self.radius_m, reason);
             }
         }
         Ok(())

@@ -34,14 +34,8 @@ impl Face {
 
     /// Returns the axis of the face's normal, and the normal's direction along it: -1 or 1.
     pub fn normal(self) -> (usize, f64) {
-        match self {
-            Self::MinusX => (0, -1.0),
-            Self::PlusX => (0, 1.0),
-            Self::MinusY => (1, -1.0),
-            Self::PlusY => (1, 1.0),
-            Self::MinusZ => (2, -1.0),
-            Self::PlusZ => (2, 1.0),
-        }
+        let place = self as usize;
+        (place / 2, if place % 2 == 0 { -1.0 } else { 1.0 })
     }
 }
 
@@ -144,27 +138,21 @@ impl Tank {
         for (axis, (size, joint)) in [self.length_m, self.width_m].into_iter().zip(self.joint_m).enumerate() {
             if !(joint >= beside && size - joint >= beside) {
                 let name = ["x", "y"][axis];
-                return refuse(
-                    "tank.joint_m",
-                    joint,
-                    format!(
-                        "the robot turns within {beside:.2e} m of the joint: along {name} there is room between {beside:.2e} and {:.2e}",
-                        size - beside
-                    ),
+                let reason = format!(
+                    "the robot turns within {beside:.2e} m of the joint: along {name} there is room between {beside:.2e} and {:.2e}",
+                    size - beside
                 );
+                return refuse("tank.joint_m", joint, reason);
             }
         }
         let below = base.height_m + flagellum.axial_length_m + flagellum.rod_radius_m + margin;
         let room = self.height_m - below;
         let above = if head.is_resolved() { (head.centre_m[2] + head.half_length()).max(0.0) } else { 0.0 };
         if !(self.joint_depth_m >= above && self.joint_depth_m <= room) {
-            return refuse(
-                "tank.joint_depth_m",
-                self.joint_depth_m,
-                format!(
-                    "the robot reaches {below:.2e} m down and {above:.2e} m up from the joint: there is room between {above:.2e} and {room:.2e}"
-                ),
+            let reason = format!(
+                "the robot reaches {below:.2e} m down and {above:.2e} m up from the joint: there is room between {above:.2e} and {room:.2e}"
             );
+            return refuse("tank.joint_depth_m", self.joint_depth_m, reason);
         }
         Ok(())
     }

@@ -79,51 +79,36 @@ impl Robot {
         let (r, radius, advance) = (f.rod_radius_m, f.helix_radius_m, f.pitch_m / TAU);
         let curvature_radius = (radius * radius + advance * advance) / radius.max(1e-300);
         if curvature_radius <= r {
-            return refuse(
-                "flagellum.helix_radius_m",
-                radius,
-                format!(
-                    "the helix is curved more tightly ({curvature_radius:.2e} m) than its rod is thick ({r:.2e} m)"
-                ),
+            let reason = format!(
+                "the helix is curved more tightly ({curvature_radius:.2e} m) than its rod is thick ({r:.2e} m)"
             );
+            return refuse("flagellum.helix_radius_m", radius, reason);
         }
         let nearest = (0..=600)
             .map(|i| PI * (1.0 + i as f64 / 200.0))
             .map(|s| (2.0 * radius * radius * (1.0 - cos(s)) + powi(advance * s, 2)).sqrt())
             .fold(f64::INFINITY, f64::min);
         if nearest <= 2.0 * r && f.axial_length_m > 0.5 * f.pitch_m {
-            return refuse(
-                "flagellum.pitch_m",
-                f.pitch_m,
-                format!(
-                    "the helix touches itself: its turns come within {nearest:.2e} m, the rod is {:.2e} m thick",
-                    2.0 * r
-                ),
+            let reason = format!(
+                "the helix touches itself: its turns come within {nearest:.2e} m, the rod is {:.2e} m thick",
+                2.0 * r
             );
+            return refuse("flagellum.pitch_m", f.pitch_m, reason);
         }
         let gap = self.base.motor_distance_m - 2.0 * (radius + r);
         if gap <= 0.0 {
-            return refuse(
-                "base.motor_distance_m",
-                self.base.motor_distance_m,
-                format!("the flagella touch when they turn: needs more than {:.2e} m", 2.0 * (radius + r)),
-            );
+            let reason = format!("the flagella touch when they turn: needs more than {:.2e} m", 2.0 * (radius + r));
+            return refuse("base.motor_distance_m", self.base.motor_distance_m, reason);
         }
         let turn = hypot(TAU * radius, f.pitch_m);
         if f.edge_length_m > turn / 12.0 && radius > 0.1 * r {
-            return refuse(
-                "flagellum.edge_length_m",
-                f.edge_length_m,
-                format!("too long to resolve the helix: at most a twelfth of a turn, {:.2e} m", turn / 12.0),
-            );
+            let reason = format!("too long to resolve the helix: at most a twelfth of a turn, {:.2e} m", turn / 12.0);
+            return refuse("flagellum.edge_length_m", f.edge_length_m, reason);
         }
         let edges = f.helix(0).contour_length() / f.edge_length_m;
         if !(5.5..1000.5).contains(&edges) {
-            return refuse(
-                "flagellum.edge_length_m",
-                f.edge_length_m,
-                format!("gives {edges:.0} edges a flagellum: needs 6 to 1000"),
-            );
+            let reason = format!("gives {edges:.0} edges a flagellum: needs 6 to 1000");
+            return refuse("flagellum.edge_length_m", f.edge_length_m, reason);
         }
         Ok(())
     }
@@ -142,15 +127,12 @@ impl Robot {
         let edge = self.flagellum.helix(0).contour_length() / self.flagellum.edges() as f64;
         let share = self.epsilon() / edge;
         if share < LEAST_EPSILON {
-            return refuse(
-                "flagellum.edge_length_m",
-                self.flagellum.edge_length_m,
-                format!(
-                    "edges of {edge:.2e} m are more than {:.1} times the regularisation {:.2e} m: the force density would be rough",
-                    1.0 / LEAST_EPSILON,
-                    self.epsilon()
-                ),
+            let reason = format!(
+                "edges of {edge:.2e} m are more than {:.1} times the regularisation {:.2e} m: the force density would be rough",
+                1.0 / LEAST_EPSILON,
+                self.epsilon()
             );
+            return refuse("flagellum.edge_length_m", self.flagellum.edge_length_m, reason);
         }
         Ok(())
     }
