@@ -24,7 +24,7 @@ const FAR_HEAD: f64 = 1.0;
 const MOVED: f64 = 2e-3;
 
 /// The images' flow about one robot.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct TankFlow {
     walls: Walls,
     /// The walls whose images are summed.
@@ -65,7 +65,7 @@ struct CoarseNodes {
 }
 
 /// The points that represent the head.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct CoarseSurface {
     surface: Vec<V3>,
     far: bool,
@@ -93,14 +93,8 @@ impl TankFlow {
             turn: helix.contour_length() * helix.pitch / helix.axial_length,
             flagella: at_rest.iter().map(|nodes| CoarseNodes::new(nodes)).collect(),
             head: CoarseSurface::new(head),
-            points: Vec::new(),
-            assembled: Vec::new(),
-            clearance: 0.0,
-            forces: Vec::new(),
-            of_flagella: (Vec::new(), Vec::new()),
-            coarse_flow: Vec::new(),
-            images: Images::default(),
             flow: vec![V3::zeros(); count],
+            ..Self::default()
         }
     }
 

@@ -114,7 +114,7 @@ pub struct Checkpoint {
     summary: Totals,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Totals {
     min_gap: f64,
     largest_contact: f64,
@@ -236,15 +236,7 @@ impl Trial {
             last_gap: gap,
             sweeps: 0,
             contact_time: 0.0,
-            summary: Totals {
-                min_gap: gap,
-                largest_contact: 0.0,
-                first_contact: None,
-                bundling: Bundling::Apart,
-                steps: 0,
-                sweeps: 0,
-                error: 0.0,
-            },
+            summary: Totals { min_gap: gap, ..Totals::default() },
             state,
             control,
         };

@@ -129,7 +129,7 @@ struct Entry {
 
 /// Computes the steady state of a run value by value. It keeps two windows of values, the means of all cells of at most two
 /// stretches, and one mean of yaw and pitch for each block.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SteadyCollector {
     start: f64,
     /// From here on no motor reverses.
@@ -171,16 +171,11 @@ impl SteadyCollector {
             from,
             speeds: speeds_rad_s,
             window,
-            recent: VecDeque::new(),
             block,
             block_end: from + block,
-            blocks: Vec::new(),
             cell,
             cell_end: from + cell,
-            sums: [0.0; CHANNELS],
-            touched: false,
-            cells: VecDeque::new(),
-            mesh: false,
+            ..Self::default()
         }
     }
 

@@ -20,22 +20,16 @@ const NUMBER: Quantity = Quantity {
 };
 
 /// Yaw.
-pub const YAW: Quantity = Quantity {
-    not_in: &[Trials],
-    ..angle("yaw", "steady yaw about the vertical, unwrapped", |s, _| degrees(s.steady.attitude[0]))
-};
+pub const YAW: Quantity =
+    angle("yaw", "steady yaw about the vertical, unwrapped", |s, _| degrees(s.steady.attitude[0]));
 
 /// Pitch.
-pub const PITCH: Quantity = Quantity {
-    not_in: &[Trials],
-    ..angle("pitch", "steady pitch about the y axis after the yaw", |s, _| degrees(s.steady.attitude[1]))
-};
+pub const PITCH: Quantity =
+    angle("pitch", "steady pitch about the y axis after the yaw", |s, _| degrees(s.steady.attitude[1]));
 
 /// Roll.
-pub const ROLL: Quantity = Quantity {
-    not_in: &[Trials],
-    ..angle("roll", "steady roll about the x axis after yaw and pitch", |s, _| degrees(s.steady.attitude[2]))
-};
+pub const ROLL: Quantity =
+    angle("roll", "steady roll about the x axis after yaw and pitch", |s, _| degrees(s.steady.attitude[2]));
 
 /// Tilt.
 pub const TILT: Quantity = Quantity {
@@ -206,7 +200,7 @@ pub const QUANTITIES: [Quantity; 17] = [
 ];
 
 const fn angle(stem: &'static str, about: &'static str, level: fn(&Summary, usize) -> Level) -> Quantity {
-    Quantity { stem, unit: "deg", about, shape: Shape::Mean, level: Some(level), ..NUMBER }
+    Quantity { stem, unit: "deg", about, shape: Shape::Mean, not_in: &[Trials], level: Some(level), ..NUMBER }
 }
 
 fn degrees(level: Level) -> Level {
