@@ -23,7 +23,7 @@ pub struct LineCount {
 }
 
 /// The line.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Serial {
     to_chip: VecDeque<u8>,
     /// The USB bridge.
@@ -42,8 +42,9 @@ pub struct Serial {
     count: LineCount,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 enum Fate {
+    #[default]
     Arrives,
     Lost,
     /// A bit of this byte is flipped.
@@ -55,18 +56,7 @@ enum Fate {
 impl Serial {
     /// Returns a quiet line. The seed decides where frames are damaged.
     pub fn new(seed: u64) -> Self {
-        Self {
-            to_chip: VecDeque::new(),
-            usb: Usb::default(),
-            to_drop: 0,
-            to_corrupt: 0,
-            lost: 0.0,
-            fate: Fate::Arrives,
-            length: 0,
-            garbled: false,
-            noise: Noise::new(seed),
-            count: LineCount::default(),
-        }
+        Self { noise: Noise::new(seed), ..Self::default() }
     }
 
     /// Sends bytes from the host.

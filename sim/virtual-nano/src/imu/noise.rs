@@ -1,7 +1,7 @@
 //! Random numbers for noise: seeded, so that a run can be repeated.
 
 /// SplitMix64 (Steele, Lea, Flood 2014, doi 10.1145/2660193.2660195).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Noise(u64);
 
 impl Noise {
