@@ -53,22 +53,12 @@ pub fn steer(
     (steering, meta): (&mut Steering, &SteerMeta),
 ) -> Result<SteeredRun, LogError> {
     let mut tally = Tally::default();
-    let counts_per_turn = f64::from(settings.counts_per_turn);
     let run = record(context, path, start, settings, |recorder, context| {
         recorder.trial.meta(meta.clone(), |records| &mut records.steer)?;
-        let drift = rest(recorder, context, trial, &settings)?;
+        let drift = rest(recorder, context, trial)?;
         let times = Times::default();
-        let course = Course {
-            recorder,
-            steering,
-            tally: &mut tally,
-            drift,
-            counts_per_turn,
-            begun_us: 0,
-            due_us: 0,
-            asked: times,
-            sent: None,
-        };
+        let course =
+            Course { recorder, steering, tally: &mut tally, drift, begun_us: 0, due_us: 0, asked: times, sent: None };
         match course.run(context, trial) {
             Ok(()) | Err(RecordError::Steer(SteerError::Over)) => {}
             Err(error) => return Err(error),
@@ -87,17 +77,12 @@ struct DriftRate {
 
 /// Waits until the robot is still, calibrates the gyroscope, and records the rest before the run. Returns the drift of the
 /// yaw.
-fn rest(
-    recorder: &mut Recorder,
-    context: &mut RunContext,
-    trial: &Trial,
-    settings: &Settings,
-) -> Result<DriftRate, RecordError> {
+fn rest(recorder: &mut Recorder, context: &mut RunContext, trial: &Trial) -> Result<DriftRate, RecordError> {
     recorder.begin()?;
     still::wait(recorder, context.progress, trial)?;
     let mut start_us = recorder.rested_us;
     if trial.phases.calibrate_s > 0.0 {
-        start_us += ticks_us(calibrate(recorder, context, trial, settings, true)?);
+        start_us += ticks_us(calibrate(recorder, context, trial, true)?);
         record_until(recorder, context, start_us)?;
     }
     recorder.recorded_phase = Some(u8::MAX);
@@ -169,7 +154,6 @@ struct Course<'a, 'b> {
     steering: &'a mut Steering,
     tally: &'a mut Tally,
     drift: DriftRate,
-    counts_per_turn: f64,
     /// The board's clock at the start of the run, µs.
     begun_us: u64,
     /// When the next set-point is due.
@@ -294,6 +278,7 @@ impl Course<'_, '_> {
     /// Returns the robot's measured state from the last recorded frame.
     fn measured(&self, frame: &Frame) -> Measured {
         let [yaw_deg, pitch_deg, roll_deg] = self.recorder.readout.angles_deg();
+        let counts_per_turn = f64::from(self.recorder.settings.counts_per_turn);
         let drifted_s = frame.board_us.saturating_sub(self.drift.zero_us) as f64 * 1e-6;
         Measured {
             yaw_deg: yaw_deg - self.drift.dps * drifted_s,
@@ -301,7 +286,7 @@ impl Course<'_, '_> {
             roll_deg,
             rates_dps: self.recorder.trial.rates_dps(),
             speeds_rpm: frame.telemetry.speed.map(CentiRpm::rpm),
-            turns: frame.telemetry.encoder.map(|encoder| f64::from(encoder.0) / self.counts_per_turn),
+            turns: frame.telemetry.encoder.map(|encoder| f64::from(encoder.0) / counts_per_turn),
         }
     }
 }

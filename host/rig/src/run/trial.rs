@@ -73,8 +73,7 @@ pub fn run(
     trial: &Trial,
     settings: Settings,
 ) -> Result<RigRun, LogError> {
-    let schedule = Schedule::planned(trial);
-    record(context, path, start, settings, |recorder, context| phases(recorder, context, trial, &schedule, &settings))
+    record(context, path, start, settings, |recorder, context| phases(recorder, context, trial))
 }
 
 /// Records the trial run by `phases` in a log at `path`. Whatever its outcome, stops the motors and closes the log.
@@ -188,7 +187,6 @@ fn begin(
     context: &RunContext,
     trial: &Trial,
     schedule: &Schedule,
-    settings: &Settings,
 ) -> Result<u64, RecordError> {
     let points = schedule.set_points(context.lines)?;
     schedule::send(recorder, &points)?;
@@ -198,7 +196,7 @@ fn begin(
     let begun_us = recorder.rested_us;
     if trial.phases.calibrate_s > 0.0 {
         // Before the start: a refusal must come before the motors turn.
-        let calibrated_s = calibrate(recorder, context, trial, settings, trial.speeds != [CentiRpm(0); 2])?;
+        let calibrated_s = calibrate(recorder, context, trial, trial.speeds != [CentiRpm(0); 2])?;
         let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;
         if start_us > planned_us {
@@ -218,18 +216,13 @@ fn begin(
 }
 
 /// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this function follows them.
-fn phases(
-    recorder: &mut Recorder,
-    context: &mut RunContext,
-    trial: &Trial,
-    schedule: &Schedule,
-    settings: &Settings,
-) -> Result<(), RecordError> {
+fn phases(recorder: &mut Recorder, context: &mut RunContext, trial: &Trial) -> Result<(), RecordError> {
+    let schedule = Schedule::planned(trial);
     let (progress, name) = (context.progress, &trial.name);
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    let start_us = begin(recorder, context, trial, schedule, settings)?;
+    let start_us = begin(recorder, context, trial, &schedule)?;
     let mut phase = Phase::Calibrate;
     let mut phase_us = start_us;
     let mut target = [CentiRpm(0); 2];
@@ -321,7 +314,6 @@ pub(super) fn calibrate(
     recorder: &mut Recorder,
     context: &RunContext,
     trial: &Trial,
-    settings: &Settings,
     turns: bool,
 ) -> Result<f64, RecordError> {
     let phase_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
@@ -341,7 +333,7 @@ pub(super) fn calibrate(
     rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
     let planned = (duration_s * f64::from(TICK_HZ)) as u16;
     preflight::at_rest(&calibration, planned, rest, clock.as_ref(), recorder.link.path())?;
-    Ok(phase_s + settling_s(settings, &calibration))
+    Ok(phase_s + settling_s(&recorder.settings, &calibration))
 }
 
 /// Returns the time that the board's filter needs to forget its bias from before a calibration, in whole tenths of a

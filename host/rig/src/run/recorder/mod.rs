@@ -42,6 +42,7 @@ pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), Rec
 pub(super) struct Recorder<'a> {
     pub(super) link: &'a Link,
     pub(super) trial: run::Recorder,
+    pub(super) settings: Settings,
     pub(super) monitor: Monitor,
     pub(super) health: Health,
     standing: Standing,
@@ -85,6 +86,7 @@ impl<'a> Recorder<'a> {
         Self {
             link,
             trial,
+            settings,
             monitor: Monitor::default(),
             health: Health::default(),
             standing: Standing::new(settings),
