@@ -11,9 +11,10 @@ use foxglove::{
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
+use study::lock::lock;
 
 /// Length of a viewer's queue: ten seconds of a trial in real time. When it is full, the oldest messages are dropped.
 const QUEUE: usize = 4096;
@@ -37,9 +38,8 @@ struct Server {
     _context: Arc<Context>,
     channels: BTreeMap<u16, Arc<RawChannel>>,
     listener: Arc<Listener>,
-    begun: Instant,
-    /// Time of the last time broadcast, ms since the server started; 0 before the first.
-    broadcast_ms: AtomicU64,
+    /// Time of the last time broadcast.
+    broadcast: Mutex<Option<Instant>>,
 }
 
 /// Records whether a viewer has subscribed to a channel.
@@ -94,18 +94,8 @@ impl Live {
             .map_err(failed)?;
         let door = Door::open(public, SocketAddr::new(hidden.into(), handle.port())).map_err(unusable)?;
         let address = SocketAddr::new(address.ip(), port);
-        let (begun, broadcast_ms) = (Instant::now(), AtomicU64::new(0));
-        let handle = Some(handle);
-        Ok(Self(Arc::new(Server {
-            address,
-            _door: door,
-            handle,
-            _context: context,
-            channels,
-            listener,
-            begun,
-            broadcast_ms,
-        })))
+        let (handle, broadcast) = (Some(handle), Mutex::default());
+        Ok(Self(Arc::new(Server { address, _door: door, handle, _context: context, channels, listener, broadcast })))
     }
 
     /// Returns the address for viewers, such as `ws://127.0.0.1:8765`.
@@ -148,12 +138,11 @@ impl Live {
     }
 
     fn broadcast_time(&self, log_time_ns: u64) {
-        let now = u64::try_from(self.0.begun.elapsed().as_millis()).unwrap_or(u64::MAX).max(1);
-        let last = self.0.broadcast_ms.load(Ordering::Relaxed);
-        if (last == 0 || now - last >= CLOCK_EVERY.as_millis() as u64)
+        let mut last = lock(&self.0.broadcast);
+        if last.is_none_or(|last| last.elapsed() >= CLOCK_EVERY)
             && let Some(handle) = &self.0.handle
         {
-            self.0.broadcast_ms.store(now, Ordering::Relaxed);
+            *last = Some(Instant::now());
             handle.broadcast_time(log_time_ns);
         }
     }
