@@ -22,7 +22,7 @@ const RIBBON: [(Bundling, &str, &str); 3] = [
 /// Draws gap, winding and ribbon of a trial.
 ///
 /// # Errors
-/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
     let [from, to] = range(data, time_s)?;

@@ -11,22 +11,23 @@ const PANEL_MM: f64 = 24.0;
 /// Returns the time to draw, s from the start of the run, or that of all forces.
 ///
 /// # Errors
-/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn range(data: &Data, time_s: Option<[f64; 2]>) -> Result<[f64; 2], PageError> {
-    let (path, times) = (|| data.path.clone(), data.forces.time_s.iter().map(|time| time - data.times.run.start));
+    let times = data.forces.time_s.iter().map(|time| time - data.times.run.start);
     let [Some(first), Some(last)] = [times.clone().next(), times.clone().next_back()] else {
-        return Err(PageError::NoForces { path: path() });
+        let help = "name a log of the model: `biflag simulate --from LOG` replays a recording";
+        return Err(PageError::wrong_use(&data.path, "contains no forces", help));
     };
     let [from, to] = time_s.unwrap_or([first, last]);
     let is_seen = times.clone().any(|time| (from..=to).contains(&time));
-    is_seen.then_some([from, to]).ok_or_else(|| PageError::Nothing { path: path() })
+    is_seen.then_some([from, to]).ok_or_else(|| PageError::Nothing { path: data.path.clone() })
 }
 
 /// Draws the forces of a trial.
 ///
 /// # Errors
-/// [`PageError::NoForces`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
     let [from, to] = range(data, time_s)?;

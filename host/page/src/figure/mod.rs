@@ -25,6 +25,7 @@ pub use sweep::{Lines, lines};
 use crate::PageError;
 use crate::swept;
 use biflag_log::Origin;
+use biflag_log::similar::did_you_mean;
 use map::{Map, Mark, Point};
 use protocol::units::CentiRpm;
 use provenance::Provenance;
@@ -60,16 +61,23 @@ pub struct Subject<'a> {
 
 impl Subject<'_> {
     fn log(self) -> Result<Attempt, PageError> {
-        let path = || self.path.to_owned();
+        let path = self.path;
         match self.number {
-            None if self.path.is_dir() => Err(PageError::WhichTrial { path: path() }),
-            None => Ok(Attempt::of_log(self.path)),
-            Some(_) if !self.path.is_dir() => Err(PageError::NoNumber { path: path() }),
+            None if path.is_dir() => {
+                let help = "name the trial by its number, such as `biflag figure trial SESSION 1`, or name its log";
+                Err(PageError::wrong_use(path, "is a session, and the figure shows one trial", help))
+            }
+            None => Ok(Attempt::of_log(path)),
+            Some(_) if !path.is_dir() => {
+                let help = did_you_mean(path, "leave the number out, or name the session's folder");
+                Err(PageError::wrong_use(path, "is no session folder, so that its trials have no numbers", help))
+            }
             Some(number) => {
-                let states = Session::open(self.path)?.intact_states()?;
+                let states = Session::open(path)?.intact_states()?;
                 let state = number.checked_sub(1).and_then(|index| states.into_iter().nth(index));
                 let log = state.and_then(|state| state.best().cloned());
-                log.ok_or_else(|| PageError::NoTrial { path: path(), number })
+                let help = || format!("`biflag info {}` lists its trials", path.display());
+                log.ok_or_else(|| PageError::wrong_use(path, format!("has no log of trial {number}"), help()))
             }
         }
     }
@@ -298,12 +306,14 @@ pub fn map(
 /// [`PageError`].
 pub fn fit(robots: &[PathBuf], width_mm: f64) -> Result<Figure, PageError> {
     if robots.len() > fit::MOST_FITS {
-        return Err(PageError::ManyFits { count: robots.len(), most: fit::MOST_FITS });
+        let what = format!("{} fits: a figure tells at most {} apart", robots.len(), fit::MOST_FITS);
+        return Err(PageError::WrongUse { what, help: "draw fewer".to_owned() });
     }
     let (mut fits, mut files, mut remarks) = (Vec::new(), Vec::new(), Remarks::default());
     for path in robots {
         let file = robot::load(path)?;
-        let fit = file.fit()?.ok_or_else(|| PageError::NoFit { path: path.clone() })?;
+        let no_fit = || PageError::wrong_use(path, "has no fit", "name a robot file of `biflag calibrate`");
+        let fit = file.fit()?.ok_or_else(no_fit)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let named = fit::Named { name, fit };
         let doubts = named.fit.parameters.iter().filter_map(|p| Some((&p.name, named.doubt(p)?)));

@@ -126,11 +126,8 @@ fn short_number(value: f64) -> String {
 }
 
 fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), PageError> {
-    let wrong = |reason: String| PageError::Swept {
-        path: path.to_owned(),
-        reason,
-        help: did_you_mean(path, "name the folder of a sweep, or its table.parquet or table.csv"),
-    };
+    let help = || did_you_mean(path, "name the folder of a sweep, or its table.parquet or table.csv");
+    let wrong = |reason: String| PageError::wrong_use(path, reason, help());
     let table = swept::table_of(path).ok_or_else(|| wrong("is no sweep".to_owned()))?;
     let swept = Swept::read(&table).map_err(wrong)?;
     Ok((table, swept))
@@ -140,7 +137,7 @@ fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> PageError {
     let names =
         |columns: &[swept::Column]| columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
     let help = format!("inputs: {}; results: {}", names(&swept.inputs), names(&swept.results));
-    PageError::Swept { path: table.to_owned(), reason, help }
+    PageError::wrong_use(table, reason, help)
 }
 
 /// What a map shows.

@@ -94,11 +94,14 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
     let is_webm = output::ending(out, &["gif", "webm"])? == 1;
     let trial = Attempt::of_log(log).read(Want { shapes: usize::MAX, ..Want::default() })?;
     let Judged { data, angles: zeroed, .. } = &trial;
-    let nothing = || PageError::NoFilm { path: log.to_owned() };
+    let help = "name a time within the trial, counted from the start of its run";
+    let nothing = || PageError::wrong_use(log, "nothing to film in this time", help);
     let span = shown(zeroed, options.time_s).ok_or_else(nothing)?;
     let count = ((span.end - span.start) / (options.speed * FRAME_S)).ceil().max(1.0);
     if count > MAX_FRAMES as f64 {
-        return Err(PageError::LongFilm { frames: count as usize, most: MAX_FRAMES });
+        let help = "show less with --time, or faster with --speed".to_owned();
+        let what = format!("the film would have {} frames, more than {MAX_FRAMES}", count as usize);
+        return Err(PageError::WrongUse { what, help });
     }
     let count = count as usize;
     let frames = Frames {

@@ -294,7 +294,10 @@ fn check(out: &Path) -> Result<(), PageError> {
     match std::fs::symlink_metadata(out) {
         Err(_) => Ok(()),
         Ok(found) if found.is_file() && is_page(out).unwrap_or(false) => Ok(()),
-        Ok(_) => Err(PageError::NotOurs { path: out.to_owned() }),
+        Ok(_) => {
+            let reason = "already exists and is not a report of biflag";
+            Err(PageError::wrong_use(out, reason, "name another file with --out"))
+        }
     }
 }
 

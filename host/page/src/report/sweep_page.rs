@@ -13,9 +13,10 @@ use std::path::Path;
 /// Returns the page of a table, and its number of points.
 ///
 /// # Errors
-/// [`PageError::Table`] if the file is not a table with two inputs and a result.
+/// [`PageError::WrongUse`] if the file is not a table with two inputs and a result.
 pub(super) fn page(path: &Path) -> Result<(Markup, usize), PageError> {
-    let wrong = |reason: String| PageError::Table { path: path.to_owned(), reason };
+    let help = "name a log, a session folder, or the table that `biflag sweep` writes";
+    let wrong = |reason: String| PageError::wrong_use(path, format!("cannot be shown as a table: {reason}"), help);
     let swept = Swept::read(path).map_err(wrong)?;
     let (rows, inputs, results) = (swept.rows(), &swept.inputs, &swept.results);
     // Four bytes a number are five and a third of text.

@@ -107,12 +107,12 @@ fn other_files_are_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let (path, page) = (folder.path().join("a.mcap"), folder.path().join("a.html"));
     log(&path, &plan(), None);
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), Some(&path)), Err(PageError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), Some(&path)), Err(PageError::WrongUse { .. })));
     std::fs::write(&page, "<html>mine</html>").unwrap();
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::WrongUse { .. })));
     std::fs::remove_file(&page).unwrap();
     std::os::unix::fs::symlink(folder.path().join("elsewhere"), &page).unwrap();
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::NotOurs { .. })));
+    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(PageError::WrongUse { .. })));
     assert!(!folder.path().join("elsewhere").exists());
     let nowhere = folder.path().join("no/such/folder.html");
     let no_folder = write(&path, Kind::Report, None, Vec::new(), Some(&nowhere));
