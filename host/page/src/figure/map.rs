@@ -52,11 +52,11 @@ impl Mark {
 }
 
 /// One map: a surface, for instance of the model, and points over it, for instance measured ones.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Map<'a> {
     pub title: &'a str,
-    pub surface: &'a [Point],
-    pub points: &'a [Point],
+    pub surface: Vec<Point>,
+    pub points: Vec<Point>,
     /// Where a point has no known value.
     pub unknown: &'a [[f64; 2]],
 }
@@ -136,16 +136,16 @@ fn distinct(mut sorted: Vec<f64>) -> Vec<f64> {
 }
 
 fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
-    let values = map.surface.iter().chain(map.points).map(|point| point.value.abs()).filter(|value| value.is_finite());
+    let values = map.surface.iter().chain(&map.points).map(|point| point.value.abs()).filter(|value| value.is_finite());
     let most = values.fold(0.0, f64::max);
     let scale = Axis::new(0.0, if most > 0.0 { most } else { 1.0 }, "");
     let shade = |value: f64| colour(value.abs() / scale.high);
     let levels = scale.ticks(4.0);
     sheet.text(panel.left, panel.top - 0.5 * FONT_PT, "start", map.title);
-    let marked = map.surface.iter().filter(|point| !point.is_settled).chain(map.points);
+    let marked = map.surface.iter().filter(|point| !point.is_settled).chain(&map.points);
     let marks: Vec<[f64; 2]> =
         (marked.map(|point| point.at).chain(map.unknown.iter().copied())).map(|[x, y]| panel.at(x, y)).collect();
-    let grid = Grid::of(map.surface);
+    let grid = Grid::of(&map.surface);
     match &grid {
         Some(grid) => {
             grid.cells(sheet, panel, &shade);
@@ -154,15 +154,15 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
             }
         }
         None => {
-            for Point { at: [x, y], value, .. } in map.surface {
+            for Point { at: [x, y], value, .. } in &map.surface {
                 sheet.dot(panel.at(*x, *y), 1.7, &shade(*value), Stroke("none", 0.0, ""));
             }
         }
     }
-    for Point { at: [x, y], value, .. } in map.points {
+    for Point { at: [x, y], value, .. } in &map.points {
         Mark::Cross.draw(sheet, panel.at(*x, *y), &shade(*value));
     }
-    for Point { at: [x, y], .. } in map.surface.iter().chain(map.points).filter(|point| !point.is_settled) {
+    for Point { at: [x, y], .. } in map.surface.iter().chain(&map.points).filter(|point| !point.is_settled) {
         Mark::Ring.draw(sheet, panel.at(*x, *y), "");
     }
     for [x, y] in map.unknown {
@@ -372,7 +372,7 @@ mod tests {
         let drawn = |count: i32| {
             let all = (0..count).flat_map(|i| (0..count).map(move |j| [f64::from(i), f64::from(j)]));
             let surface: Vec<_> = all.map(|at| Point { at, value: at[0], is_settled: at[0] > 0.5 }).collect();
-            let map = Map { title: "", surface: &surface, points: &[], unknown: &[[0.0, 0.0]] };
+            let map = Map { title: "", surface, points: Vec::new(), unknown: &[[0.0, 0.0]] };
             draw(&[map], ["x", "y"], &[], &[], 88.0)
         };
         let (coarse, fine) = (drawn(CONTOUR_NODES as i32 - 1), drawn(CONTOUR_NODES as i32));

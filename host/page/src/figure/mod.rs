@@ -276,12 +276,8 @@ pub fn map(
         };
         trials.iter().map(point).collect()
     };
-    let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
-    let maps: Vec<Map> = titles
-        .iter()
-        .zip(&maps)
-        .map(|(title, (surface, points))| Map { title, surface, points, unknown: &unknown })
-        .collect();
+    let map = |(k, title)| Map { title, surface: values(&surface, k), points: values(&points, k), unknown: &unknown };
+    let maps: Vec<Map> = titles.into_iter().enumerate().map(map).collect();
     let whose = of_points.measured.map_or_else(|| session.display().to_string(), str::to_owned);
     let unsettled = surface.iter().chain(&points).any(|trial| !trial.is_settled);
     let legend = [

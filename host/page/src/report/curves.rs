@@ -6,7 +6,7 @@
 use super::budget::{ByteBudget, MAX_EVENTS};
 use super::ribbon;
 use super::shapes;
-use super::table::{Column, fitted, single, times};
+use super::table::{fitted, single, times};
 use super::text::clip;
 use crate::points::points;
 use biflag_log::schema::biflag::event::Kind;
@@ -28,45 +28,27 @@ const MAX_TURNS: usize = 4_000;
 /// Bytes of text of a row of motor angles: three numbers of 32 bits.
 const TURNS_ROW_BYTES: usize = 16;
 
-const fn ranged(name: &'static str) -> Column {
-    Column { name, has_range: true }
-}
-
-const fn mean(name: &'static str) -> Column {
-    Column { name, has_range: false }
-}
-
-const ATTITUDE: [Column; 13] = [
-    ranged("yaw"),
-    ranged("pitch"),
-    ranged("roll"),
-    mean("uncertainty"),
-    ranged("model_yaw"),
-    ranged("model_pitch"),
-    ranged("model_roll"),
-    mean("true_yaw"),
-    mean("true_pitch"),
-    mean("true_roll"),
-    ranged("error_yaw"),
-    ranged("error_pitch"),
-    ranged("error_roll"),
+const ATTITUDE: [&str; 13] = [
+    "yaw",
+    "pitch",
+    "roll",
+    "uncertainty",
+    "model_yaw",
+    "model_pitch",
+    "model_roll",
+    "true_yaw",
+    "true_pitch",
+    "true_roll",
+    "error_yaw",
+    "error_pitch",
+    "error_roll",
 ];
 
 /// Forces of both flagella on the base in body axes (mN), the least gap of their surfaces (mm), the turns by which they
 /// are wound around each other, and whether they touch (0 or 1).
-const FORCES: [Column; 9] = [
-    ranged("x1"),
-    ranged("y1"),
-    ranged("z1"),
-    ranged("x2"),
-    ranged("y2"),
-    ranged("z2"),
-    ranged("gap"),
-    ranged("winding"),
-    mean("contact"),
-];
+const FORCES: [&str; 9] = ["x1", "y1", "z1", "x2", "y2", "z2", "gap", "winding", "contact"];
 
-const MOTORS: [Column; 4] = [mean("target1"), ranged("speed1"), mean("target2"), ranged("speed2")];
+const MOTORS: [&str; 4] = ["target1", "speed1", "target2", "speed2"];
 
 /// How the curves and the shapes were reduced to fit the budget.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]

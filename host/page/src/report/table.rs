@@ -14,11 +14,11 @@ const MAX_STRETCHES: usize = 120;
 /// Times that differ by less than this from an even spacing are stored as one.
 const EVEN_S: f64 = 5e-4;
 
-/// A quantity on the page: its name in the page's data, and whether a chart shows its range.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Column {
-    pub name: &'static str,
-    pub has_range: bool,
+/// The quantities of which a chart shows the mean of a stretch alone, not its range: they change slowly or in steps.
+const MEAN_ALONE: [&str; 7] = ["uncertainty", "true_yaw", "true_pitch", "true_roll", "contact", "target1", "target2"];
+
+fn has_range(name: &str) -> bool {
+    !MEAN_ALONE.contains(&name)
 }
 
 /// A table reduced to fit on the page.
@@ -66,10 +66,10 @@ fn ranges<const N: usize>(table: &Columns<N>, count: usize) -> Ranges<N> {
 
 /// Returns what fits into about `bytes` of text: the whole table, or ranges, in at most half of the room, and evenly chosen
 /// samples.
-pub(super) fn fitted<const N: usize>(table: &Columns<N>, columns: &[Column; N], bytes: usize) -> Fitted<N> {
+pub(super) fn fitted<const N: usize>(table: &Columns<N>, names: &[&str; N], bytes: usize) -> Fitted<N> {
     // Text has four characters for three bytes.
     let bytes = bytes / 4 * 3;
-    let present = || (0..N).filter(|k| has(table, *k)).map(|k| columns[k].has_range);
+    let present = || (0..N).filter(|k| has(table, *k)).map(|k| has_range(names[k]));
     let row_bytes = 2 * present().count();
     let rows = table.len();
     let time_bytes = if even(&table.time_s).is_some() { 0 } else { 4 };
@@ -90,20 +90,20 @@ fn has<const N: usize>(table: &Columns<N>, k: usize) -> bool {
 
 impl<const N: usize> Fitted<N> {
     /// Returns the table for the page's script; columns without a value are left out.
-    pub fn page(&self, columns: &[Column; N]) -> Value {
+    pub fn page(&self, names: &[&str; N]) -> Value {
         let mut page = Map::new();
         page.insert("time".to_owned(), times(&self.samples.time_s));
         let mut stretches = Map::new();
-        for (k, column) in columns.iter().enumerate().filter(|(k, _)| has(&self.samples, *k)) {
-            page.insert(column.name.to_owned(), quantised(&self.samples.values[k]));
+        for (k, name) in names.iter().enumerate().filter(|(k, _)| has(&self.samples, *k)) {
+            page.insert((*name).to_owned(), quantised(&self.samples.values[k]));
             let Some(ranges) = &self.ranges else { continue };
             let mean = quantised(&ranges.mean[k]);
-            let quantity = if column.has_range {
+            let quantity = if has_range(name) {
                 json!({ "mean": mean, "low": quantised(&ranges.low[k]), "high": quantised(&ranges.high[k]) })
             } else {
                 json!({ "mean": mean })
             };
-            stretches.insert(column.name.to_owned(), quantity);
+            stretches.insert((*name).to_owned(), quantity);
         }
         if let Some(Ranges { from_s, width_s, mean, .. }) = &self.ranges {
             let count = mean.first().map_or(0, Vec::len);
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const ONE: [Column; 1] = [Column { name: "one", has_range: true }];
+    const ONE: [&str; 1] = ["one"];
 
     fn table(values: &[f64]) -> Columns<1> {
         let mut table = Columns::default();
@@ -217,7 +217,7 @@ mod tests {
                 let angle = i as f64 * 0.7;
                 whole.push(i as f64 * 0.05, [angle.sin(), angle.cos()]);
             }
-            let columns = [Column { name: "sin", has_range: true }, Column { name: "cos", has_range: false }];
+            let columns = ["speed1", "target1"];
             let fitted = super::fitted(&whole, &columns, bytes);
             // A row is a point of the circle; a minimum beside a maximum would not be.
             for i in 0..fitted.samples.time_s.len() {
