@@ -12,7 +12,6 @@ mod interrupt;
 mod json;
 mod log;
 mod names;
-mod page;
 mod picture;
 mod robot;
 mod simulate;

@@ -3,7 +3,6 @@
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
-use crate::page;
 use crate::robot::Robot;
 use crate::table::{About, about, columns};
 use numpy::IntoPyArray;
@@ -22,6 +21,9 @@ use study::trial::{Judged, Repeat, Want, scatter_of_repeats};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
 const SHAPES: usize = 15_000;
+
+/// A notebook of some pages stays small with a tenth of the largest page for each.
+const PAGES: usize = 10;
 
 /// Reads a log, even a damaged one, and returns what it holds as a dictionary.
 #[pyfunction]
@@ -87,9 +89,17 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
 }
 
 /// Returns the page of a log, in a few hundred kilobytes.
+///
+/// # Errors
+/// A file that is not a log.
+pub fn page_of_log(path: &Path) -> Result<String, Failure> {
+    page::report::html(path, PAGES).map_err(|error| Failure::of_file(path, &error))
+}
+
+/// Returns the page of a log.
 #[pyfunction]
 pub fn html(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    interruptible(py, |_| page::of_log(&path))
+    interruptible(py, |_| page_of_log(&path))
 }
 
 fn opened(path: &Path) -> Result<(Session, Vec<TrialState>), Failure> {

@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
+use crate::log::page_of_log;
 use crate::names;
-use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
 use biflag_log::{Method, SteadyMeta};
@@ -170,7 +170,7 @@ impl Simulated {
     fn html(&self, py: Python<'_>) -> PyResult<String> {
         interruptible(py, |_| {
             let folder = tempfile::tempdir().map_err(|error| Failure::parameter("page", error.to_string()))?;
-            page::of_log(&self.write_into(folder.path())?)
+            page_of_log(&self.write_into(folder.path())?)
         })
     }
 }

@@ -1,7 +1,6 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
-use super::answer::{Answer, Outcome};
-use super::findings::{are_slight, finding_line};
+use super::answer::{Answer, Outcome, are_slight, finding_line};
 use super::options::{closure, cores, written_as};
 use crate::output;
 use crate::plan::robot;

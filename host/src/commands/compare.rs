@@ -1,7 +1,6 @@
 //! `biflag compare`: compares experiment and model.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
-use super::findings::finding_line;
+use super::answer::{Answer, Outcome, WRONG_USE, finding_line};
 use super::options::{closure, cores, written_as};
 use crate::plan::robot;
 use crate::report::{self, Kind, View};

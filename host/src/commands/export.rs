@@ -1,7 +1,6 @@
 //! `biflag export`: exports trials to other formats.
 
-use super::answer::{Answer, Outcome, wrong_use};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs, wrong_use};
 use crate::export::{Format, export_log, export_session};
 use crate::output::{ending, has_ending};
 use crate::text::count;

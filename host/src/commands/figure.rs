@@ -1,7 +1,6 @@
 //! `biflag figure`: writes figures for a paper.
 
-use super::answer::{Answer, Outcome};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs};
 use super::options::{named, span, within};
 use crate::colour;
 use crate::figure::{self, COLUMN_MM, Format, MOMENTS, WIDTHS_MM};

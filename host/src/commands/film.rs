@@ -1,7 +1,6 @@
 //! `biflag film`: the moving robot as an animated image or a video.
 
-use super::answer::{Answer, Outcome};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs};
 use super::options::{span, within};
 use crate::film::{self, Options};
 use crate::progress::Progress;

@@ -1,7 +1,6 @@
 //! `biflag import`: a trial that other instruments measured, as a log.
 
-use super::answer::{Answer, Outcome, wrong_use};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs, wrong_use};
 use super::options::{pair, span, speeds, within, written_as};
 use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;

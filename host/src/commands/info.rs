@@ -1,7 +1,6 @@
 //! `biflag info`: shows the content of a log or a session.
 
-use super::answer::{Answer, Outcome};
-use super::findings::finding_line;
+use super::answer::{Answer, Outcome, finding_line};
 use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_being_recorded, recorded};
 use crate::text::{self, count, decimal, word};

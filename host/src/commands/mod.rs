@@ -12,7 +12,6 @@ mod doctor;
 mod export;
 mod figure;
 mod film;
-mod findings;
 mod flash;
 mod import;
 mod info;

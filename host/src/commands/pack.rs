@@ -1,7 +1,6 @@
 //! `biflag pack`: a session as one archive.
 
-use super::answer::{Answer, Outcome, wrong_use};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs, wrong_use};
 use super::options::written_as;
 use crate::pack::{About, pack};
 use crate::progress::Progress;

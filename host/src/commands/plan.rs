@@ -1,7 +1,6 @@
 //! `biflag plan`: what a plan will do, before it runs.
 
-use super::answer::{Answer, Outcome};
-use super::findings::finding_line;
+use super::answer::{Answer, Outcome, finding_line};
 use crate::plan::Plan;
 use crate::preview::{Preview, end_after};
 use clap::Subcommand;

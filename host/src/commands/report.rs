@@ -1,7 +1,6 @@
 //! `biflag report`: writes an HTML page about a trial or a session.
 
-use super::answer::{Answer, Outcome};
-use super::findings::{are_slight, lines_of_logs};
+use super::answer::{Answer, Outcome, are_slight, lines_of_logs};
 use super::options::{cores, written_as};
 use crate::report::{self, Kind, View};
 use crate::text;

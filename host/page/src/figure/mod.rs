@@ -8,7 +8,6 @@ mod fit;
 mod forces;
 mod lines;
 mod map;
-mod output;
 mod panel;
 mod print;
 mod provenance;
@@ -18,7 +17,7 @@ mod strip;
 mod sweep;
 mod trial;
 
-pub use output::Format;
+pub use print::Format;
 use sweep::Steady;
 pub use sweep::{Lines, lines};
 

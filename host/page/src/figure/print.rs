@@ -1,15 +1,43 @@
-//! A figure as the content of its file; PDF and PNG have the shapes of its font inside.
+//! A figure as the content of its file: SVG, PDF or PNG.
+//!
+//! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide. PDF and PNG
+//! have the shapes of its font inside.
 
-use super::Format;
 use crate::PageError;
 use resvg::{tiny_skia, usvg};
+use std::path::Path;
 use std::sync::Arc;
+use study::output::{OutputError, ending};
 
 /// Liberation Sans 2.1.5 (SIL Open Font License 1.1).
 const FONT: &[u8] = include_bytes!("font/LiberationSans-Regular.ttf");
 
 /// Pixels of a PNG for each point: 600 dpi.
 const PNG_SCALE: f32 = 600.0 / 72.0;
+
+/// The format of a file.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Format {
+    /// Vectors, with editable text.
+    Svg,
+    /// Vectors, with the font inside.
+    Pdf,
+    /// Pixels, 600 per inch.
+    Png,
+}
+
+impl Format {
+    /// The endings of their names, in the order of the formats.
+    pub const ENDINGS: &[&str] = &["svg", "pdf", "png"];
+
+    /// Returns the format that a file's name ends with.
+    ///
+    /// # Errors
+    /// [`OutputError::Ending`].
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
+        Ok([Self::Svg, Self::Pdf, Self::Png][ending(path, Self::ENDINGS)?])
+    }
+}
 
 /// Returns the content of a figure's file.
 ///

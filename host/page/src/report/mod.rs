@@ -15,7 +15,6 @@ mod live_page;
 mod parameters;
 mod repeats;
 mod ribbon;
-mod rows;
 mod scroll;
 mod session_page;
 pub(crate) mod shapes;
@@ -26,7 +25,6 @@ mod table;
 mod text;
 mod trial_section;
 mod view;
-mod warnings;
 
 pub use budget::ByteBudget;
 pub use live_page::{live_maps, live_page};
@@ -36,8 +34,8 @@ use crate::{PageError, swept};
 use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use rayon::prelude::*;
-use rows::{Row, RowState};
 use serde::Serialize;
+use session_page::{Row, RowState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use study::output;
@@ -46,7 +44,7 @@ use study::session::{Attempt, Session, SessionError, TrialState};
 use study::text::printable;
 use study::trial::{LogFinding, Want};
 use study::twin::{SessionComparison, Skipped};
-use warnings::Warning;
+use view::Warning;
 
 /// The most trials of a session that are all printed; of a larger session, only the open trial is printed.
 const MAX_PRINTED: usize = 20;
@@ -145,7 +143,7 @@ pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
 }
 
 fn page_of_log(view: &View) -> Markup {
-    let id = rows::anchor(0);
+    let id = session_page::anchor(0);
     let body = html! {
         main { (trial_section::section(view, &id, None)) }
         (footer(view))
@@ -163,7 +161,7 @@ fn of_session(
     let budget = ByteBudget::of_trials(with_logs(&states));
     let row = |state: &TrialState| row(state, comparison, &views, budget);
     let rows: Vec<Row> = states.par_iter().map(row).collect();
-    let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((rows::anchor(i), row.view()?)));
+    let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
     let of_session = session_page::Session {
         folder: session.folder(),
         plan: session.plan(),

@@ -1,6 +1,6 @@
 //! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
 
-use super::args::Args;
+use super::Args;
 use super::board;
 use super::check::{Check, answer, check};
 use crate::colour;

@@ -1,6 +1,6 @@
 //! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and prints its findings.
 
-use super::super::findings::finding_line;
+use super::super::answer::finding_line;
 use super::check::{Check, Finding, check};
 use crate::session::{Session, TrialState, recorded};
 use crate::trial::{LogFinding, Want};

@@ -3,8 +3,7 @@
 mod row;
 mod viewers;
 
-use super::answer::{Answer, Outcome, WRONG_USE};
-use super::findings::finding_line;
+use super::answer::{Answer, Outcome, WRONG_USE, finding_line};
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
 use super::{board_sensor, plan, settings, virtual_board};

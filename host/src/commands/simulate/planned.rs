@@ -2,7 +2,7 @@
 
 use super::super::answer::{Answer, Outcome, WRONG_USE, wrong_use};
 use super::super::options::cores;
-use super::args::Args;
+use super::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial, note_on_grid};

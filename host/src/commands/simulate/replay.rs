@@ -1,9 +1,8 @@
 //! `biflag simulate --from`: replays recorded trials in the model.
 
-use super::super::answer::{Answer, Outcome};
-use super::super::findings::{are_slight, lines_of_logs};
+use super::super::answer::{Answer, Outcome, are_slight, lines_of_logs};
 use super::super::options::cores;
-use super::args::Args;
+use super::Args;
 use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
 use crate::plan::robot;
 use crate::session::{Session, Sharing};

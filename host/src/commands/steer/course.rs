@@ -1,6 +1,6 @@
 //! The task: the wanted attitude, the source of the speeds, and the plan of the one trial.
 
-use super::args::Args;
+use super::Args;
 use crate::aim::{self, Quantity, Target};
 use crate::plan::{Plan, RobotFile};
 use protocol::units::CentiRpm;

@@ -1,6 +1,6 @@
 //! What a run came to, and what `biflag steer` prints.
 
-use super::super::findings::finding_line;
+use super::super::answer::finding_line;
 use crate::text::{count, decimal};
 use crate::trial::{AngleTerm, Finding};
 use miette::Report;

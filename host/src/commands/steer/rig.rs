@@ -1,7 +1,7 @@
 //! Steers the robot on the rig, or on the emulated board.
 
 use super::super::{board_sensor, record, settings, virtual_board};
-use super::args::Args;
+use super::Args;
 use super::course::Expected;
 use super::output::Ran;
 use crate::link::Link;
