@@ -45,19 +45,9 @@ enum Subject {
         paper: Paper,
     },
     /// Draw the forces of both flagella on the base over a trial of the model.
-    Forces {
-        #[command(flatten)]
-        trial: OneTrial,
-        #[command(flatten)]
-        paper: Paper,
-    },
+    Forces(Panels),
     /// Draw gap and winding of the flagella over a trial of the model, and when they touch.
-    Contact {
-        #[command(flatten)]
-        trial: OneTrial,
-        #[command(flatten)]
-        paper: Paper,
-    },
+    Contact(Panels),
     /// Draw the robot at some moments of a trial, side by side.
     Strip {
         #[command(flatten)]
@@ -146,6 +136,15 @@ struct OneTrial {
     time: Option<[f64; 2]>,
 }
 
+// What is drawn of one trial without further options.
+#[derive(clap::Args, Debug)]
+struct Panels {
+    #[command(flatten)]
+    trial: OneTrial,
+    #[command(flatten)]
+    paper: Paper,
+}
+
 impl OneTrial {
     fn subject(&self) -> figure::Subject<'_> {
         figure::Subject { path: &self.log, number: self.number }
@@ -175,8 +174,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             let (subject, against) = (trial.subject(), against.as_deref());
             (paper, figure::trial(subject, against, *anyway, trial.time, paper.width_mm)?)
         }
-        Subject::Forces { trial, paper } => (paper, figure::forces(trial.subject(), trial.time, paper.width_mm)?),
-        Subject::Contact { trial, paper } => (paper, figure::contact(trial.subject(), trial.time, paper.width_mm)?),
+        Subject::Forces(Panels { trial, paper }) => {
+            (paper, figure::forces(trial.subject(), trial.time, paper.width_mm)?)
+        }
+        Subject::Contact(Panels { trial, paper }) => {
+            (paper, figure::contact(trial.subject(), trial.time, paper.width_mm)?)
+        }
         Subject::Strip { trial, moments, paper } => {
             let moments = usize::from(*moments);
             (paper, figure::strip(trial.subject(), trial.time, moments, paper.width_mm)?)

@@ -89,7 +89,7 @@ fn test(
         return Ok(checks);
     }
     if settings.speed_from == SpeedFrom::Duty {
-        checks.extend(lines(args, &link, copies, settings, interrupted)?);
+        checks.extend(lines(args, &board, copies, settings)?);
         return Ok(checks);
     }
     let mut tests = self_test::run(&mut board, &settings, |what| colour::eprint(&format!("{what}\n")))?;
@@ -122,7 +122,7 @@ fn test(
         checks.push(check("direction".into(), Ok(detail.into())));
     }
     if tests.iter().all(|test| test.finding.is_usable()) {
-        checks.extend(save(args, &link, copies, (settings, wanted), interrupted)?);
+        checks.extend(save(args, &board, copies, (settings, wanted))?);
     }
     Ok(checks)
 }
@@ -144,12 +144,11 @@ fn wrong_bridge(motor: usize, set: Bridge) -> Check {
 /// Measures the lines of motors without encoders, and saves what follows from them.
 fn lines(
     args: &Args,
-    link: &Link,
+    board: &Board,
     copies: Option<&BoardCopies>,
     settings: Settings,
-    interrupted: &AtomicBool,
 ) -> Result<Vec<Check>, RecordError> {
-    let measured = rig::lines::measure(link, interrupted, |what| colour::eprint(&format!("{what}\n")))?;
+    let measured = rig::lines::measure(board.link, board.interrupted, |what| colour::eprint(&format!("{what}\n")))?;
     let wanted = measured.corrected(settings);
     let lines = Lines { wiring: Lines::wiring_of(&wanted), ..measured.lines };
     let mut checks = Vec::new();
@@ -161,9 +160,9 @@ fn lines(
         let detail = format!("rpm at a duty, forwards: {}; backwards: {}", half(&line.forwards), half(&line.backwards));
         checks.push(check(format!("motor {}", motor + 1), Ok(detail)));
     }
-    checks.extend(save(args, link, copies, (settings, wanted), interrupted)?);
+    checks.extend(save(args, board, copies, (settings, wanted))?);
     if let Some(copies) = copies {
-        let board_id = settings::read(link)?.board_id;
+        let board_id = settings::read(board.link)?.board_id;
         let kept = copies.keep_lines(board_id, &lines).map_err(|error| {
             (format!("not kept: {error}"), "make room for the user's settings, then test again".to_owned())
         });
@@ -284,13 +283,12 @@ fn watch(board: &mut Board, motor: usize, test: &MotorTest) -> Result<Option<boo
 /// Saves the settings that the test found, if there is anything to save and the user agrees.
 fn save(
     args: &Args,
-    link: &Link,
+    board: &Board,
     copies: Option<&BoardCopies>,
     (before, wanted): (Settings, Settings),
-    interrupted: &AtomicBool,
 ) -> Result<Option<Check>, RecordError> {
     let changes = changes(&before, &wanted);
-    if changes.is_empty() && link.info().settings_stored {
+    if changes.is_empty() && board.link.info().settings_stored {
         return Ok(None);
     }
     let what = match changes.as_slice() {
@@ -299,14 +297,14 @@ fn save(
     };
     let agreed = args.yes
         || is_interactive()
-            && matches!(ask(&format!("Save {what} to the board? y or n"), interrupted)?.as_str(), "y" | "yes");
+            && matches!(ask(&format!("Save {what} to the board? y or n"), board.interrupted)?.as_str(), "y" | "yes");
     let name = || "settings".to_owned();
     if !agreed {
         let detail = format!("not saved: {what}");
-        let cure = format!("`biflag doctor --motors --yes --port {}` tests again and saves them", link.path());
+        let cure = format!("`biflag doctor --motors --yes --port {}` tests again and saves them", board.link.path());
         return Ok(Some(check(name(), Err((detail, cure)))));
     }
-    let (_, notes) = settings::save(link, wanted, copies)?;
+    let (_, notes) = settings::save(board.link, wanted, copies)?;
     let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
     Ok(Some(check(name(), Ok(format!("saved {what}{notes}")))))
 }

@@ -2,7 +2,7 @@
 
 use super::super::options::written_as;
 use super::super::virtual_board::SensorArgs;
-use crate::commands::answer::wrong_use;
+use crate::commands::answer::{Answer, Outcome, wrong_use};
 use crate::commands::{settings, virtual_board};
 use crate::link::{Link, LinkError};
 use crate::output::OutputError;
@@ -14,11 +14,13 @@ use crate::signals::interruption;
 use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
 use miette::Report;
 use protocol::Settings;
-use std::path::PathBuf;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
-use study::sensor::{FILE_NAME, MeasuredSensor, RawReading, note};
+use study::sensor::{AXES, Estimate, FILE_NAME, MeasuredSensor, RawReading, note};
+use study::text::signed;
 
 /// Time between two texts of the figures, s.
 const SHOWN_S: f64 = 0.2;
@@ -152,7 +154,7 @@ impl Bench {
     }
 
     /// Writes the file of the sensor, and the scales of the gyroscope to the board.
-    pub fn save(&self) -> miette::Result<Kept> {
+    fn save(&self) -> miette::Result<Kept> {
         self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?;
         let Some((copy, bytes)) = note::next(&board_note::read(&self.link)?, &self.file) else {
             return Ok(Kept::Nothing);
@@ -164,7 +166,7 @@ impl Bench {
 
 /// What the board keeps of a measurement.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Kept {
+enum Kept {
     /// Nothing new.
     Nothing,
     /// The scales of the gyroscope.
@@ -180,4 +182,77 @@ impl From<RecordError> for Failure {
     fn from(error: RecordError) -> Self {
         Self(error.into())
     }
+}
+
+/// The result of a measurement.
+#[derive(Debug, Default)]
+pub struct Measured {
+    /// What it found, in lines.
+    pub text: String,
+    /// The same for `--json`, beside the values of the file.
+    pub json: Value,
+    pub warnings: Vec<String>,
+}
+
+/// Writes the file and returns the answer.
+pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> miette::Result<Answer> {
+    let Measured { mut text, json, mut warnings } = measured;
+    if followed.link.lost > 0 {
+        warnings.push(format!("{} frames were lost", followed.link.lost));
+    }
+    let kept = bench.save()?;
+    if kept == Kept::Failed {
+        warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());
+    }
+    for warning in &warnings {
+        text += &format!("warning: {warning}\n");
+    }
+    if kept == Kept::Scales {
+        text += "the board keeps the scales\n";
+    }
+    text += &format!("written to {}; readings in {}", bench.path.display(), bench.log_path.display());
+    let shown = |path: &Path| crate::text::printable(&path.display().to_string());
+    let answer = Answer::new(Outcome::of(warnings.is_empty()), &json, text)?
+        .with("kept_on_board", kept == Kept::Scales)
+        .with("sensor", values(&bench.file))
+        .with("file", shown(&bench.path))
+        .with("log", shown(&bench.log_path))
+        .with("warnings", warnings);
+    Ok(answer)
+}
+
+/// Returns the answer to a measurement that ended early: an interrupted one is no failure.
+pub fn ended(error: Report) -> miette::Result<Answer> {
+    match error.to_string().as_str() {
+        "interrupted" => Answer::new(Outcome::Interrupted, &json!({ "sensor": null }), "interrupted"),
+        _ => Err(error),
+    }
+}
+
+/// Returns the values of the file: the gyroscope's scales as lists, and every table.
+fn values(file: &MeasuredSensor) -> Value {
+    let scale = |part: fn(&Estimate) -> f64| AXES.map(|axis| file.get("gyro_scale", axis).as_ref().map(part));
+    let mut values = Map::new();
+    values.insert("scale".to_owned(), json!(scale(|scale| scale.value)));
+    values.insert("scale_u".to_owned(), json!(scale(|scale| scale.u)));
+    for (name, table) in file.tables() {
+        let table: Map<_, _> =
+            table.iter().map(|(key, one)| (key.clone(), json!({ "value": one.value, "u": one.u }))).collect();
+        values.insert(name.to_owned(), Value::Object(table));
+    }
+    Value::Object(values)
+}
+
+/// Formats a value of each axis with its 95 % uncertainty, as a line. `scale`: that of the unit.
+pub fn row(title: &str, values: &[Estimate; 3], scale: f64, places: usize, unit: &str) -> String {
+    let cell = |(axis, one): (&str, &Estimate)| {
+        format!("{axis} {} ± {:.places$}", signed(scale * one.value, places), 1.96 * scale * one.u)
+    };
+    let cells: Vec<_> = AXES.into_iter().zip(values).map(cell).collect();
+    format!("{title}: {} {unit} (95 %)\n", cells.join(", "))
+}
+
+/// Formats a percentage with its 95 % uncertainty.
+pub fn percent(estimate: Estimate) -> String {
+    format!("{} ± {:.3} %", signed(100.0 * estimate.value, 3), 196.0 * estimate.u)
 }

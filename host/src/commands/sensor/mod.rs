@@ -1,12 +1,11 @@
 //! `biflag sensor`: measures the sensor of a board, with the operator's hand as the reference.
 
 mod bench;
-mod measured;
 mod poses;
 mod still;
 mod turn;
 
-pub(super) use measured::percent;
+pub(super) use bench::percent;
 
 use super::answer::Answer;
 use clap::Subcommand;
@@ -32,5 +31,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         What::Poses(args) => poses::run(args),
         What::Still(args) => still::run(args),
     };
-    answer.or_else(measured::ended)
+    answer.or_else(bench::ended)
 }

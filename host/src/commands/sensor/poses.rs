@@ -1,10 +1,9 @@
 //! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
 
 use super::super::options::within;
-use super::bench::{Bench, Common, Told};
-use super::measured::{Measured, finish, percent, row};
+use super::bench::{Bench, Common, Measured, Told, finish, percent, row};
 use crate::commands::answer::Answer;
-use serde_json::{Map, json};
+use serde_json::json;
 use study::sensor::{AXES, PoseStep, PosesResult, PosesWatch};
 
 /// Measure accelerometer, mounting and sensitivity to gravity: lay the sensor still with each axis up and down.
@@ -81,6 +80,5 @@ fn described(result: &PosesResult) -> Measured {
         text += &row(&format!("rates by gravity along {axis}"), &column, 1.0, 4, "°/s/g");
     }
     text += &format!("beside its warming, the bias changed by {:.4} °/s from pose to pose\n", result.drift_dps);
-    let json: Map<_, _> = [("drift_dps".to_owned(), json!(result.drift_dps))].into_iter().collect();
-    Measured { text, json, warnings: Vec::new() }
+    Measured { text, json: json!({ "drift_dps": result.drift_dps }), warnings: Vec::new() }
 }

@@ -1,8 +1,7 @@
 //! `biflag sensor still`: the gyroscope's noise, by a long rest.
 
 use super::super::options::within;
-use super::bench::{Bench, Common, Told};
-use super::measured::{Measured, finish, row};
+use super::bench::{Bench, Common, Measured, Told, finish, row};
 use crate::commands::answer::Answer;
 use serde_json::{Map, json};
 use study::sensor::{AXES, Estimate, StillResult, StillWatch};
@@ -63,6 +62,5 @@ fn described(result: &StillResult) -> Measured {
         Some(warming) => text += &row("bias by temperature", warming, 1.0, 4, "°/s/K"),
         None => text += "the temperature hardly changed: its effect on the bias is not known\n",
     }
-    let json = [("allan".to_owned(), json!(allan))].into_iter().collect();
-    Measured { text, json, warnings: Vec::new() }
+    Measured { text, json: json!({ "allan": allan }), warnings: Vec::new() }
 }

@@ -1,8 +1,7 @@
 //! `biflag sensor turn`: the gyroscope's scale about an axis, by turns of the hand.
 
 use super::super::options::within;
-use super::bench::{Bench, Common, Told};
-use super::measured::{Measured, finish, percent};
+use super::bench::{Bench, Common, Measured, Told, finish, percent};
 use crate::commands::answer::{Answer, wrong_use};
 use serde_json::json;
 use study::plan::Axis;
@@ -132,15 +131,14 @@ fn described(result: &TurnResult, plan: &TurnPlan) -> Measured {
                 .to_owned(),
         );
     }
-    let json = json!({
+    let turns = json!({
         "turned_deg": result.turned_deg,
         "scatter_u": result.scatter_u,
         "freedom": result.freedom,
         "stops_deg": result.stops_deg,
         "reference_u": result.reference_u,
     });
-    let json = [("turns".to_owned(), json)].into_iter().collect();
-    Measured { text, json, warnings }
+    Measured { text, json: json!({ "turns": turns }), warnings }
 }
 
 /// The hand of the emulated board.
