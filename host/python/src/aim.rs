@@ -2,9 +2,8 @@
 
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
-use crate::json;
 use crate::robot::Robot;
-use crate::threads;
+use crate::{json, threads};
 use pyo3::prelude::*;
 use sim::step::InversesAtRest;
 use std::path::{Path, PathBuf};

@@ -2,11 +2,8 @@
 
 use crate::failure::Failure;
 use crate::interrupt::counted;
-use crate::names;
 use crate::robot::Robot;
-use crate::simulate;
-use crate::speeds;
-use crate::threads;
+use crate::{names, simulate, speeds, threads};
 use biflag_log::SteadyMeta;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;

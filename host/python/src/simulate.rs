@@ -2,11 +2,9 @@
 
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
-use crate::json;
 use crate::log::page_of_log;
-use crate::names;
 use crate::robot::Robot;
-use crate::speeds;
+use crate::{json, names, speeds};
 use biflag_log::{Method, SteadyMeta};
 use numpy::IntoPyArray;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};

@@ -1,10 +1,8 @@
 //! Simulators that are stepped from outside, with speeds that are not known in advance.
 
 use crate::failure::Failure;
-use crate::names;
 use crate::robot::{Robot, to_toml};
-use crate::speeds;
-use crate::threads;
+use crate::{names, speeds, threads};
 use numpy::IntoPyArray;
 use numpy::ndarray::Array2;
 use pyo3::prelude::*;

@@ -2,10 +2,8 @@
 
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
-use crate::json;
-use crate::names;
 use crate::robot::Robot;
-use crate::threads;
+use crate::{json, names, threads};
 use numpy::IntoPyArray;
 use numpy::ndarray::Array2;
 use pyo3::prelude::*;

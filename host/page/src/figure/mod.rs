@@ -21,8 +21,7 @@ pub use print::Format;
 use sweep::Steady;
 pub use sweep::{Lines, lines};
 
-use crate::PageError;
-use crate::swept;
+use crate::{PageError, swept};
 use biflag_log::Origin;
 use biflag_log::similar::did_you_mean;
 use map::{Map, Mark, Point};

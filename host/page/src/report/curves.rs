@@ -4,10 +4,9 @@
 //! range and the mean over intervals of equal length.
 
 use super::budget::{ByteBudget, MAX_EVENTS};
-use super::ribbon;
-use super::shapes;
 use super::table::{fitted, single, times};
 use super::text::clip;
+use super::{ribbon, shapes};
 use crate::points::points;
 use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};

@@ -2,14 +2,12 @@
 //!
 //! The page is served by the program that records, and asks it for what is new. Its parts are those of the report.
 
-use super::curves;
-use super::document;
 use super::heat_map::{self, Map, Point};
-use super::ribbon;
 use super::session_page::MAPS;
 use super::stage::{SPEEDS, looks, values, zoom};
 use super::text::{clip, count, json_for_script};
 use super::trial_section::{Entry, chart, speed_entries};
+use super::{curves, document, ribbon};
 use maud::{Markup, PreEscaped, html};
 use serde_json::json;
 use sim::params::Robot;

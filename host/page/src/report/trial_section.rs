@@ -1,11 +1,10 @@
 //! A trial on the page: its results, the view of the robot, its charts, its events and its provenance.
 
-use super::errors;
 use super::facts::facts;
-use super::ribbon;
 use super::stage::stage;
 use super::text::{clip, count, degrees, number, speeds};
 use super::view::View;
+use super::{errors, ribbon};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Identity, SteadyMeta};
 use maud::{Markup, html};
