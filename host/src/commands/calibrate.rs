@@ -2,13 +2,11 @@
 
 use super::answer::{Answer, Outcome, are_slight, finding_line};
 use super::options::{closure, cores, written_as};
-use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
-use crate::text;
 use crate::trial::LogFinding;
-use crate::twin;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
+use crate::{output, text, twin};
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use std::fmt::Write as _;

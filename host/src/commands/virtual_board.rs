@@ -1,10 +1,9 @@
 //! Starts the emulated board for a command.
 
 use super::answer::{Answer, Outcome, WRONG_USE};
-use crate::image;
-use crate::link;
 use crate::plan::RobotFile;
 use crate::run::rig::{VirtualError, VirtualNano};
+use crate::{image, link};
 use miette::{IntoDiagnostic, WrapErr};
 use std::ffi::OsString;
 use std::io::Write;

@@ -1,8 +1,7 @@
 //! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
 
-use super::Args;
-use super::board;
 use super::check::{Check, answer, check};
+use super::{Args, board};
 use crate::colour;
 use crate::commands::answer::{Answer, Outcome};
 use crate::commands::ask::ask;

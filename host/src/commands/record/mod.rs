@@ -7,22 +7,20 @@ use super::answer::{Answer, Outcome, WRONG_USE, finding_line};
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
 use super::{board_sensor, plan, settings, virtual_board};
-use crate::colour;
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::line::Lines;
 use crate::plan::{EXAMPLE, Plan, Schedule, Trial, board};
 use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
-use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{
     self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, lines, park, preflight,
 };
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
-use crate::text;
 use crate::trial::{LogFinding, Want};
+use crate::{colour, run, text};
 use biflag_log::{BoardMeta, Origin};
 use protocol::units::CentiRpm;
 use protocol::{Command, SpeedFrom};

@@ -1,8 +1,10 @@
 //! The result of `biflag simulate`.
 
+use super::super::answer::Outcome;
 use crate::plan::{Plan, Trial};
 use crate::run::model::{ModelRun, PhaseMeans};
 use crate::text;
+use crate::twin::Replayed;
 use biflag_log::{Origin, SteadyMeta};
 use protocol::units::CentiRpm;
 use serde::Serialize;
@@ -24,17 +26,34 @@ pub struct Simulated {
     pub notes: Vec<String>,
 }
 
-/// Returns the ratio of simulated to wall time since `begun`, and its text; none if nothing was simulated.
-pub fn real_time(begun: Instant, simulated_s: f64) -> (Option<f64>, String) {
+/// Says how a run since `begun` ended: its outcome, the ratio of simulated to wall time (`None` if nothing was simulated), and
+/// how many of its trials were computed and of how many the solver failed. `is_sound` tells what the trials do not.
+pub fn ended(
+    verb: &str,
+    begun: Instant,
+    trials: &[SimulatedTrial],
+    interrupted: bool,
+    is_sound: bool,
+) -> (Outcome, Option<f64>, String) {
+    let computed: Vec<_> = trials.iter().filter(|trial| trial.wall_s.is_some()).collect();
+    let simulated_s: f64 = computed.iter().filter_map(|one| Some(one.steady.as_ref()?.values.get(&SIMULATED))).sum();
     let factor = (simulated_s > 0.0).then(|| simulated_s / begun.elapsed().as_secs_f64());
-    (factor, factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time")))
-}
-
-/// Says how many trials were computed, and of how many the solver failed, by whether each was.
-pub fn tally(verb: &str, are_ok: impl Iterator<Item = bool>) -> String {
-    let (ok, failed): (Vec<bool>, Vec<bool>) = are_ok.partition(|is_ok| *is_ok);
-    let failed = if failed.is_empty() { String::new() } else { format!(", {} failed", failed.len()) };
-    format!("{} {verb}{failed}", text::count(ok.len(), "trial"))
+    let failed = computed.iter().filter(|trial| trial.error.is_some()).count();
+    let mut text = format!("{} {verb}", text::count(computed.len() - failed, "trial"));
+    if failed > 0 {
+        text += &format!(", {failed} failed");
+    }
+    text += &factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
+    if interrupted {
+        text += "; interrupted, continue with --resume";
+    }
+    let is_settled = |trial: &SimulatedTrial| trial.steady.as_ref().is_none_or(|steady| steady.settled);
+    let outcome = match interrupted {
+        _ if trials.iter().any(|trial| trial.error.is_some()) => Outcome::Failed,
+        true => Outcome::Interrupted,
+        false => Outcome::of(is_sound && trials.iter().all(is_settled)),
+    };
+    (outcome, factor, text)
 }
 
 /// A trial, or all trials at a pair of speeds that start at different phases.
@@ -124,6 +143,13 @@ impl From<&ModelRun> for SimulatedTrial {
         let error = run.result.as_ref().err().map(ToString::to_string);
         let steady = run.result.as_ref().ok().cloned();
         Self { steady, wall_s: Some(run.wall_s), error, ..Self::new(&run.trial, &run.log) }
+    }
+}
+
+impl From<&Replayed> for SimulatedTrial {
+    fn from(replay: &Replayed) -> Self {
+        let (steady, error) = (replay.result.as_ref().ok().cloned(), replay.result.as_ref().err().cloned());
+        Self { steady, wall_s: replay.wall_s, error, ..Self::new(&replay.trial, &replay.log) }
     }
 }
 

@@ -1,21 +1,18 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
-use super::super::answer::{Answer, Outcome, WRONG_USE, wrong_use};
+use super::super::answer::{Answer, WRONG_USE, wrong_use};
 use super::super::options::cores;
 use super::Args;
-use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
-use crate::plan::robot;
-use crate::plan::{Plan, Trial, note_on_grid};
-use crate::program;
+use super::output::{Row, Simulated, SimulatedTrial, ended};
+use crate::plan::{Plan, Trial, note_on_grid, robot};
 use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, note_on_phases};
 use crate::session::{self, Session, SessionError, Sharing};
 use crate::signals::interruption;
 use crate::sweep::Shard;
-use crate::text;
+use crate::{program, text};
 use biflag_log::{Identity, Method, ModelMeta, Origin, last_meta};
 use sim::trial::Options;
-use sim::trial::quantity::SIMULATED;
 use std::path::Path;
 use std::time::Instant;
 
@@ -50,26 +47,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let runs = batch.run(&work, jobs, &|run| SimulatedTrial::from(run).to_string())?;
     progress.finish();
 
-    let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.values.get(&SIMULATED))).sum();
-    let (real_time_factor, speed) = real_time(begun, simulated_s);
-    let done = runs.len();
+    let is_cut = runs.len() < count;
     trials.extend(runs.iter().map(SimulatedTrial::from));
     trials.sort_by(|a, b| a.name.cmp(&b.name));
-    let outcome = if trials.iter().any(|trial| trial.error.is_some()) {
-        Outcome::Failed
-    } else if done < count {
-        Outcome::Interrupted
-    } else {
-        Outcome::of(trials.iter().all(|trial| trial.steady.as_ref().is_none_or(|steady| steady.settled)))
-    };
-    let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
+    let (outcome, real_time_factor, computed) = ended("computed", begun, &trials, is_cut, true);
     let trials = Row::of(session.plan(), trials);
     let means = trials.iter().filter_map(Row::mean);
     let notes: Vec<_> =
         note_on_phases(&session.plan().trials, means).into_iter().chain(note_on_grid(&session.plan().text)).collect();
     let mut text: String = trials.iter().filter_map(Row::mean).map(|mean| format!("{mean}\n")).collect();
-    let computed = tally("computed", runs.iter().map(|run| run.result.is_ok()));
-    text += &format!("session {}: {computed}{speed}{rest}", folder.display());
+    text += &format!("session {}: {computed}", folder.display());
     text.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials, notes }, text)
 }

@@ -1,16 +1,15 @@
 //! `biflag simulate --from`: replays recorded trials in the model.
 
-use super::super::answer::{Answer, Outcome, are_slight, lines_of_logs};
+use super::super::answer::{Answer, are_slight, lines_of_logs};
 use super::super::options::cores;
 use super::Args;
-use super::output::{Row, Simulated, SimulatedTrial, real_time, tally};
+use super::output::{Row, Simulated, SimulatedTrial, ended};
 use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::trial::{LogFinding, Want};
 use crate::twin::{self, Replayed, Replays, Source};
 use sim::trial::Options;
-use sim::trial::quantity::SIMULATED;
 use std::path::Path;
 use std::time::Instant;
 
@@ -39,36 +38,16 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let line = |run: &_| SimulatedTrial::from(run).to_string();
     let replays = twin::replay(&source, &session, &settings, Want::default(), &interrupted, &line, &|_, _| ())?;
 
-    let replayed = || replays.trials.iter().map(|(trial, ())| trial);
-    let computed = replayed().filter(|trial| trial.wall_s.is_some());
-    let simulated_s: f64 =
-        computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.values.get(&SIMULATED))).sum();
-    let (real_time_factor, speed) = real_time(begun, simulated_s);
-    let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
+    let trials: Vec<_> = replays.trials.iter().map(|(trial, ())| SimulatedTrial::from(trial)).collect();
     let findings = findings(&replays);
-    let outcome = if replayed().any(|trial| trial.result.is_err()) {
-        Outcome::Failed
-    } else if replays.interrupted {
-        Outcome::Interrupted
-    } else {
-        Outcome::of(replays.skipped.is_empty() && replayed().all(settled) && are_slight(&findings))
-    };
-    let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
-    let replays_made = tally("replayed", computed.map(|trial| trial.result.is_ok()));
-    let mut lines = format!("session {}: {replays_made}{speed}{rest}", folder.display());
+    let is_sound = replays.skipped.is_empty() && are_slight(&findings);
+    let (outcome, real_time_factor, replayed) = ended("replayed", begun, &trials, replays.interrupted, is_sound);
+    let mut lines = format!("session {}: {replayed}", folder.display());
     lines += &lines_of_logs(&findings);
     lines.extend(replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason)));
     let notes = replays.notes();
     lines.extend(notes.iter().map(|note| format!("\nnote: {note}")));
-    let row = |trial: &Replayed| {
-        Row::One(SimulatedTrial {
-            wall_s: trial.wall_s,
-            error: trial.result.as_ref().err().cloned(),
-            steady: trial.result.as_ref().ok().cloned(),
-            ..SimulatedTrial::new(&trial.trial, &trial.log)
-        })
-    };
-    let trials = replayed().map(row).collect();
+    let trials = trials.into_iter().map(Row::One).collect();
     let simulated = Simulated { session: folder, real_time_factor, trials, notes };
     Ok(Answer::new(outcome, &simulated, lines)?.with("skipped", replays.skipped).with("findings", findings))
 }
