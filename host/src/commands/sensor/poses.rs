@@ -48,8 +48,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     })?;
     let result = watch.result(args.placement)?;
     result.enter(&mut bench.file);
-    let measured = described(&result);
-    finish(&mut bench, measured, &followed)
+    finish(&mut bench, described(&result), &followed)
 }
 
 fn told(step: &PoseStep) -> (String, String) {

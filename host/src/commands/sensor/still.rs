@@ -39,8 +39,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     })?;
     let result = watch.result()?;
     result.enter(&mut bench.file);
-    let measured = described(&result);
-    finish(&mut bench, measured, &followed)
+    finish(&mut bench, described(&result), &followed)
 }
 
 fn described(result: &StillResult) -> Measured {

@@ -67,8 +67,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let clock_error = followed.clock_error.unwrap_or_else(|| bench.emulated_clock_error());
     let result = watch.result(args.reference, &bench.file, clock_error)?;
     result.enter(axis, &mut bench.file);
-    let measured = described(&result, &plan);
-    finish(&mut bench, measured, &followed)
+    finish(&mut bench, described(&result, &plan), &followed)
 }
 
 fn instruction(step: TurnStep, plan: &TurnPlan, count: usize) -> String {
