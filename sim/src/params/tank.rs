@@ -35,7 +35,7 @@ impl Face {
     /// Returns the axis of the face's normal, and the normal's direction along it: -1 or 1.
     pub fn normal(self) -> (usize, f64) {
         let place = self as usize;
-        (place / 2, if place % 2 == 0 { -1.0 } else { 1.0 })
+        (place / 2, if place.is_multiple_of(2) { -1.0 } else { 1.0 })
     }
 }
 
