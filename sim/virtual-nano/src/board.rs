@@ -15,7 +15,6 @@ use crate::clock::ProgramClock;
 use crate::coupling::Coupling;
 use crate::drift::{Supply, Wander};
 use crate::encoder::{Disturbance, Encoder};
-use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
@@ -45,6 +44,15 @@ impl Default for BoardOptions {
     }
 }
 
+/// Supply of a board on a good port, mV.
+pub(crate) const SUPPLY_MV: u32 = 5000;
+
+/// The bandgap reference (data sheet, section 29.5), mV.
+pub(crate) const BANDGAP_MV: u32 = 1100;
+
+/// What happens to a board at a time.
+type Event = Box<dyn FnOnce(&mut Board) + Send>;
+
 /// The board.
 pub struct Board {
     /// The chip.
@@ -55,8 +63,8 @@ pub struct Board {
     state: RunState,
     vcc_mv: u32,
     bandgap_mv: u32,
-    /// Faults that begin later, with their times (s).
-    faults: Vec<(f64, Fault)>,
+    /// What happens later, with its times (s).
+    events: Vec<(f64, Event)>,
 }
 
 impl Board {
@@ -124,7 +132,7 @@ impl Board {
             state,
             vcc_mv: SUPPLY_MV,
             bandgap_mv: BANDGAP_MV,
-            faults: Vec::new(),
+            events: Vec::new(),
         })
     }
 
@@ -137,25 +145,25 @@ impl Board {
     /// Runs until `cycle`. After a crash, the program and the board's time stand still until a reset.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         while self.state == RunState::Running && self.cycle() < cycle {
-            let due = self.faults.iter().map(|(at_s, _)| self.rig().resonator.cycle(*at_s)).min().unwrap_or(u64::MAX);
+            let due = self.events.iter().map(|(at_s, _)| self.rig().resonator.cycle(*at_s)).min().unwrap_or(u64::MAX);
             self.state = self.mcu.run_until(cycle.min(due.max(self.cycle() + 1)));
             let now_s = self.seconds();
-            for (_, fault) in self.faults.extract_if(.., |(at_s, _)| *at_s <= now_s).collect::<Vec<_>>() {
-                self.inject(fault);
+            for (_, event) in self.events.extract_if(.., |(at_s, _)| *at_s <= now_s).collect::<Vec<_>>() {
+                event(self);
             }
         }
         self.state
     }
 
-    /// Makes a fault begin at a time (s) since power came up.
-    pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
-        self.faults.push((at_s, fault));
+    /// Changes the board at a time (s) since power came up.
+    pub(crate) fn later(&mut self, at_s: f64, event: impl FnOnce(&mut Self) + Send + 'static) {
+        self.events.push((at_s, Box::new(event)));
     }
 
     /// Ends every fault that can end, and forgets those that have not begun. Their effects on registers and on the
     /// program stay.
     pub fn clear_faults(&mut self) {
-        self.faults.clear();
+        self.events.clear();
         self.end_faults();
     }
 

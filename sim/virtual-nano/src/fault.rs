@@ -9,7 +9,7 @@
 //! # Ok::<(), String>(())
 //! ```
 
-use crate::board::Board;
+use crate::board::{Board, SUPPLY_MV};
 use crate::coupling::Cable;
 use crate::encoder::Disturbance;
 use crate::imu::fault::{At, Data, Fault as ImuFault};
@@ -19,12 +19,8 @@ use crate::push::Axis;
 use std::fmt::Write;
 use std::str::FromStr;
 
-/// Supply of a board on a good port, and in a brown-out, mV.
-pub(crate) const SUPPLY_MV: u32 = 5000;
+/// Supply in a brown-out, mV.
 const BROWN_OUT_MV: u32 = 2000;
-
-/// The bandgap reference (data sheet, section 29.5), mV.
-pub(crate) const BANDGAP_MV: u32 = 1100;
 
 /// Frames a second of a full stream, one in each tick of the board.
 const STREAM_HZ: f64 = 200.0;

@@ -1,14 +1,19 @@
 //! The begin and the end of faults on the board.
 
-use crate::board::Board;
+use crate::board::{BANDGAP_MV, Board, SUPPLY_MV};
 use crate::encoder::Disturbance;
-use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
+use crate::fault::Fault;
 use crate::motor::Rotor;
 
 impl Board {
     /// Makes a fault begin now.
     pub fn inject(&mut self, fault: Fault) {
         fault.begin(self);
+    }
+
+    /// Makes a fault begin at a time (s) since power came up.
+    pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
+        self.later(at_s, move |board| board.inject(fault));
     }
 
     /// Ends every fault that can end. Its effects on registers and on the program stay.

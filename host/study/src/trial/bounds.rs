@@ -1,31 +1,7 @@
 //! Start and end of a trial's phases.
 
-use super::data::Data;
+use super::data::{Data, Times};
 use biflag_log::{End, Origin, TrialMeta};
-use std::ops::Range;
-
-/// Phases of a trial, seconds of its clock. A phase that the trial did not reach is empty.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub struct Times {
-    /// The rest before the run.
-    pub preroll: Range<f64>,
-    /// The motors turn.
-    pub run: Range<f64>,
-    /// After the run.
-    pub decay: Range<f64>,
-}
-
-impl Times {
-    /// Returns whether the trial reached its run.
-    pub fn has_run(&self) -> bool {
-        self.run.end > self.run.start
-    }
-
-    /// Returns start and end of the run; `None` if the trial did not reach it.
-    pub fn run_s(&self) -> Option<[f64; 2]> {
-        self.has_run().then_some([self.run.start, self.run.end])
-    }
-}
 
 /// Returns the phases of a trial, from the phases and the records of its log. On a rig, the run begins when the motors get their
 /// target speeds, at `ordered_s`, shortly after the start of the phase, and ends with the first `fault`. If the event of a

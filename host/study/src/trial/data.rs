@@ -1,6 +1,5 @@
 //! The content of a log as columns over the trial's clock, and its metadata.
 
-use super::bounds::Times;
 use super::finding::Finding;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading, Track};
@@ -141,6 +140,29 @@ pub struct LinkSecond {
     /// Errors counted by the board: frames that it could not send, failed readings of the sensor, damaged frames,
     /// missed ticks.
     pub board: u32,
+}
+
+/// Phases of a trial, seconds of its clock. A phase that the trial did not reach is empty.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Times {
+    /// The rest before the run.
+    pub preroll: Range<f64>,
+    /// The motors turn.
+    pub run: Range<f64>,
+    /// After the run.
+    pub decay: Range<f64>,
+}
+
+impl Times {
+    /// Returns whether the trial reached its run.
+    pub fn has_run(&self) -> bool {
+        self.run.end > self.run.start
+    }
+
+    /// Returns start and end of the run; `None` if the trial did not reach it.
+    pub fn run_s(&self) -> Option<[f64; 2]> {
+        self.has_run().then_some([self.run.start, self.run.end])
+    }
 }
 
 /// A trial, read from its log. Times are seconds since its first frame, by the board's clock. If pings have measured

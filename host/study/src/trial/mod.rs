@@ -33,10 +33,10 @@ mod zero;
 
 pub use crate::swing::SwingSpeeds;
 pub use angles::{Angles, Steady};
-pub use bounds::Times;
+
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
-pub use data::{Data, Event, LinkSecond, MOTORS, Records, Want};
+pub use data::{Data, Event, LinkSecond, MOTORS, Records, Times, Want};
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::DAMAGED_FRAME;
 pub(crate) use findings::labelled;
