@@ -12,7 +12,8 @@ pub(crate) fn within(key: &'static str, value: f64, low: f64, high: f64) -> Resu
     if value >= low && value <= high {
         return Ok(());
     }
-    Err(ParamError { key, value, reason: format!("must be between {low} and {high}") })
+    // Seven digits, without the rounding of a product.
+    Err(ParamError { key, value, reason: format!("must be between {} and {}", low as f32, high as f32) })
 }
 
 pub(super) fn refuse(key: &'static str, value: f64, reason: impl Into<String>) -> Result<(), ParamError> {
