@@ -32,6 +32,7 @@ def from_arrays(
     >>> import numpy as np
     >>> time = np.arange(0, 60, 0.05)
     >>> yaw = -1.2 * np.clip(time - 10, 0, 40) * np.exp(-np.clip(time - 50, 0, 10) / 10)
+    >>> yaw += 0.5 * np.sin(2 * np.pi * 50 / 60 * time) * (np.abs(time - 30) < 20)  # it swings once a turn
     >>> attitude = np.stack([yaw, 0 * time, 0 * time], axis=1)
     >>> trial = biflag.from_arrays(
     ...     folder / "camera.mcap", time, attitude, speeds=(50, 10), run=(10, 50), uncertainty=(0.5, 0.2)
