@@ -324,7 +324,7 @@ impl SteadyCollector {
     }
 
     /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad: of a difference
-    /// between two windows it leaves this much, if it decays with [`SLOWEST_S`].
+    /// between two windows it leaves this much, if it decays in 18 s.
     pub fn to_come(&self) -> [f64; 3] {
         let end = self.end();
         let last = self.levels(end - self.window, end);
