@@ -27,8 +27,8 @@
 //! without a step.
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration, and, where the flagella have
-//! touched, a path without steps leads to it too (`witness`); else that path is simulated on. The results are means over the last period, by the ordinary
-//! solver and the ordinary steady window. If no motion is found, or if the motors
+//! touched, a path without steps leads to it too (`witness`); else that path is simulated on. The results are means over the
+//! last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
 //! have no common period of 12 s or less, the trial is simulated from rest until its means over both motor angles are known
 //! ([`crate::trial::means`]). `sim/docs/steady.md` has the comparison with trials.
 

@@ -149,7 +149,7 @@ pub enum Label {
     NotJudged(&'static str),
 }
 
-/// What keeps two motors of a label from being told apart.
+/// Reasons why two motors of a label may look alike.
 struct Doubts {
     /// Length of the motion, s.
     length_s: f64,

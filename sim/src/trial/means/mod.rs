@@ -313,9 +313,8 @@ impl SteadyCollector {
 
     /// Returns the steady state of the run so far: means over time in the window.
     pub fn window(&self) -> Steady {
+        let [before, last] = self.windows();
         let end = self.end();
-        let last = self.levels(end - self.window, end);
-        let before = self.levels(end - 2.0 * self.window, end - self.window);
         // A window without a length, after a reversal at the very end, shows no state.
         let enough = self.window > 0.0 && end - self.from >= 1.999 * self.window;
         let agree = |a: f64, b: f64| (a - b).abs() <= 0.5f64.to_radians().max(0.01 * b.abs());
@@ -323,12 +322,16 @@ impl SteadyCollector {
         self.state(self.window, last, settled)
     }
 
+    /// Returns means and amplitudes of the window before the last one, and of the last one.
+    fn windows(&self) -> [[Level; CHANNELS]; 2] {
+        let end = self.end();
+        [2.0, 1.0].map(|n| self.levels(end - n * self.window, end - (n - 1.0) * self.window))
+    }
+
     /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad: of a difference
     /// between two windows it leaves this much, if it decays in 18 s.
     pub fn to_come(&self) -> [f64; 3] {
-        let end = self.end();
-        let last = self.levels(end - self.window, end);
-        let before = self.levels(end - 2.0 * self.window, end - self.window);
+        let [before, last] = self.windows();
         let left = exp(-self.window / SLOWEST_S);
         [0, 1, 2].map(|c| (last[c].mean - before[c].mean).abs() * left / (1.0 - left))
     }
