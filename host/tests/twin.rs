@@ -353,6 +353,24 @@ fn imperfect_logs_give_warnings_or_errors() {
     assert!(expect(&biflag(folder, &["compare", "text.mcap"]), 2).contains("not an MCAP file"));
 }
 
+/// A steady state is the end of a run: its log has no start that could be laid over another trial's.
+#[test]
+fn a_steady_state_is_compared_with_the_end_of_a_trial() {
+    let folder = tempfile::tempdir().unwrap();
+    for (out, method) in [("trial", "trial"), ("steady", "steady")] {
+        let options = ["--duration", "100", "--robot", "published", "--method", method, "--out", out];
+        expect(&biflag(folder.path(), &[&["simulate", "--speeds=50,10"][..], &options].concat()), 0);
+    }
+    for [one, other] in [["trial", "steady"], ["steady", "trial"]] {
+        let compared = json(&biflag(folder.path(), &["compare", one, other, "--json", "-o", "page.html"]), 0);
+        let trial = &compared["trials"][0];
+        let error = number(&trial["steady_yaw_error_deg"]);
+        assert!(error.abs() < 0.1, "{trial}");
+        assert_eq!(trial["warnings"], serde_json::json!([]), "{trial}");
+        assert!(trial["verdict"].as_str().unwrap().contains("a steady state has no transient"), "{trial}");
+    }
+}
+
 #[test]
 fn replay_is_resumed_only_with_its_settings() {
     let bench = bench(PLAN);

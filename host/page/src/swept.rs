@@ -5,6 +5,7 @@
 //! from its inputs, such as lengths from groups.
 
 use sim::steady::Kind as Motion;
+use sim::steady::phase::Ratio;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use study::export::table::{Table, Values};
@@ -101,6 +102,15 @@ impl Swept {
     /// Returns whether not even the means of a point are known.
     pub fn is_unknown(&self, row: usize) -> bool {
         usize::try_from(self.states[row]).is_ok_and(|state| MOTIONS[state] >= Motion::NotFound)
+    }
+
+    /// Returns the number of points that hold for one starting phase of the flagella where others may give other values.
+    pub fn of_one_phase(&self) -> usize {
+        let [Some(w1), Some(w2), Some(phases)] = ["w1_rpm", "w2_rpm", "phases"].map(|name| self.column(name)) else {
+            return 0;
+        };
+        let is_one = |i: &usize| phases.values[*i] <= 1.0 && Ratio::of([w1.values[*i], w2.values[*i]]).is_some();
+        (0..self.rows()).filter(is_one).count()
     }
 
     /// Returns the number of points.

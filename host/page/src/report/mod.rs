@@ -173,7 +173,7 @@ fn of_session(
         header {
             (of_session.header())
             @if shown().count() > MAX_PRINTED {
-                p.meta.paper-only { "Only the trial that is open on the screen is printed below." }
+                p.meta.paper-only { "Of the trials, only one that is open on the screen is printed." }
             }
         }
         main {}

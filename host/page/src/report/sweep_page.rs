@@ -22,7 +22,7 @@ pub(super) fn page(path: &Path) -> Result<(Markup, usize), PageError> {
     // Four bytes a number are five and a third of text.
     let most = DATA_BYTES * 3 / 16 / (inputs.len() + results.len());
     let every = rows.div_ceil(most).max(1);
-    let about = About { path, header: &swept.header, rows, every };
+    let about = About { path, header: &swept.header, rows, of_one_phase: swept.of_one_phase(), every };
     let columns = |columns: &[Column]| -> Vec<Value> {
         let one = |column: &Column| {
             let values: Vec<f64> = column.values.iter().step_by(every).copied().collect();
@@ -43,6 +43,7 @@ struct About<'a> {
     path: &'a Path,
     header: &'a [String],
     rows: usize,
+    of_one_phase: usize,
     /// The page shows one of so many points.
     every: usize,
 }
@@ -80,6 +81,9 @@ fn body(about: &About, inputs: &[Column], results: &[Column]) -> Markup {
                 span { "sweep with " (count(about.rows, "point", "points")) }
                 @for line in about.lines() { span { (clip(&line, 300)) } }
                 span { (about.path.display()) }
+                @if about.of_one_phase > 0 {
+                    span { (count(about.of_one_phase, "point holds", "points hold")) " for one starting phase of the flagella" }
+                }
                 @if about.every > 1 { span { "the page shows one of every " (about.every) " points" } }
             }
             section.sweep data-data="sweep-data" {
@@ -119,6 +123,9 @@ mod tests {
             "value=\"tilt_deg\">tilt<",
         ];
         assert!(options.iter().all(|option| text.contains(&format!("<option {option}"))), "{text}");
+        assert!(!text.contains("one starting phase"), "the table does not say its phases: {text}");
+        std::fs::write(&path, "w1_rpm,w2_rpm,yaw_deg,phases\n50,25,5,1\n51,25,6,1\n50,20,5,1\n51,20,6,1\n").unwrap();
+        assert!(page(&path).unwrap().0.0.contains("2 points hold for one starting phase"));
         // Each value of a Sobol design distinguishes all points; its columns say which of them vary by themselves.
         let varies = |name: &str| format!("# {name} [1]: {}\n", sweep::VARIES);
         let sobol =

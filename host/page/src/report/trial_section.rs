@@ -51,6 +51,7 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                 warnings(grave, texts.map(|warning| warning.text.as_str()))
             };
             (said(true))
+            (tiles(view))
             @if has_data {
                 @match session {
                     Some((_, number)) => { div.bench data-bench=(number) {} }
@@ -58,7 +59,6 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                     None => { div.bench { h2.unseen { "Over time" } (bench(view)) } }
                 }
             }
-            (tiles(view))
             (said(false))
             @if let Some(comparison) = &view.comparison { (errors::table(comparison)) }
             (events(view))
@@ -295,7 +295,7 @@ fn link_chart(view: &View) -> Markup {
 
 pub(super) fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
     html! {
-        figure role="group" aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
+        figure aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
             figcaption {
                 h3 { (title) }
                 div.legend {

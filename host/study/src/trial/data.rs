@@ -9,8 +9,8 @@ use crate::swing::SwingSpeeds;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, ImportMeta, LevelMeta, LinkStats, Loss,
-    MeasuredSensorMeta, ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta,
-    Start, SteadyMeta, SteerMeta, Summary, TrialMeta,
+    MeasuredSensorMeta, Method, ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta,
+    SensorMeta, Start, SteadyMeta, SteerMeta, Summary, TrialMeta,
 };
 use protocol::units::CentiRpm;
 use protocol::{Settings, SpeedFrom};
@@ -234,6 +234,11 @@ impl Data {
     /// Returns whether the trial was computed by a model.
     pub fn is_model(&self) -> bool {
         self.origin() == Origin::Model
+    }
+
+    /// Returns whether the trial is a steady state that was solved for, without what precedes it.
+    pub fn is_steady_state(&self) -> bool {
+        self.records.model.as_ref().is_some_and(|model| model.method == Method::Steady)
     }
 
     /// Returns whether a board recorded the trial, with its sensor.

@@ -44,7 +44,8 @@ impl Aligned {
         let in_run = times_s.partition_point(|t| *t < 0.0)..times_s.partition_point(|t| *t <= common_s);
         let mut measured_deg = angles(measured, &times_s, 0.0);
         let mut modelled_deg = angles(modelled, &times_s, 0.0);
-        let shift_s = if pair.is_replay() { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
+        let shift_s =
+            if pair.is_replay() || pair.has_steady_state() { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
         if shift_s != 0.0 {
             modelled_deg = angles(modelled, &times_s, shift_s);
         }
@@ -79,11 +80,11 @@ impl Aligned {
 }
 
 fn angles(side: &Side, times_s: &[f64], shift_s: f64) -> Vec<[f64; 3]> {
-    times_s.iter().map(|time| side.zeroed.at(time - shift_s + side.zeroed.run.start)).collect()
+    times_s.iter().map(|time| side.zeroed.at(time - shift_s + side.start_s)).collect()
 }
 
 fn leave_out_gaps(angles: &mut [[f64; 3]], side: &Side, times_s: &[f64], shift_s: f64) {
-    let on_clock = times_s.iter().map(|time| time - shift_s + side.zeroed.run.start);
+    let on_clock = times_s.iter().map(|time| time - shift_s + side.start_s);
     let seen = side.zeroed.angles_deg.are_seen(on_clock);
     angles.iter_mut().zip(seen).filter(|(_, is_seen)| !is_seen).for_each(|(row, _)| *row = [f64::NAN; 3]);
 }

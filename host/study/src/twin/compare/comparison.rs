@@ -231,17 +231,20 @@ pub enum Unjudged {
     Short,
     /// Too little of the run before its steady end was measured.
     Gaps,
+    /// One of the two is a steady state.
+    SteadyState,
 }
 
 impl Unjudged {
     /// All reasons.
-    pub const ALL: [Self; 2] = [Self::Short, Self::Gaps];
+    pub const ALL: [Self; 3] = [Self::Short, Self::Gaps, Self::SteadyState];
 
     /// Returns the reason as part of a sentence.
     pub fn text(self) -> &'static str {
         match self {
             Self::Short => "the run is too short to judge the transients",
             Self::Gaps => "gaps leave too little of the run to judge the transients",
+            Self::SteadyState => "a steady state has no transient",
         }
     }
 }

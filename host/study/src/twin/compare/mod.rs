@@ -143,7 +143,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
     let differences = angles.iter().filter_map(AngleComparison::difference).collect();
     let budget = angles.iter().flat_map(|angle| angle.budget.terms_of(angle.angle)).collect();
     let trial = a.trial();
-    let middle_s = measured.zeroed.run.start + 0.5 * (steady.window.start + steady.window.end);
+    let middle_s = measured.start_s + 0.5 * (steady.window.start + steady.window.end);
     let comparison = Comparison {
         name: trial.name,
         w1_rpm: trial.w1_rpm,
@@ -158,7 +158,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
         measured_zero_deg: measured.zeroed.zero_deg,
         modelled_zero_deg: modelled.zeroed.zero_deg,
         time_shift_s: aligned.shift_s,
-        run_start_s: [measured.zeroed.run.start, modelled.zeroed.run.start],
+        run_start_s: [measured.start_s, modelled.start_s],
         budget,
         differences,
         is_beyond_chance: false,
@@ -174,12 +174,12 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
 }
 
 fn points(measured: &Side, aligned: &Aligned) -> Vec<Point> {
-    let Side { zeroed, .. } = measured;
+    let Side { zeroed, start_s, .. } = measured;
     let point = |i: usize| Point {
         time_s: aligned.times_s[i],
         measured_deg: aligned.measured_deg[i],
         modelled_deg: aligned.modelled_deg[i],
-        yaw_uncertainty_deg: zeroed.yaw_uncertainty(zeroed.run.start + aligned.times_s[i]).unwrap_or(f64::NAN),
+        yaw_uncertainty_deg: zeroed.yaw_uncertainty(start_s + aligned.times_s[i]).unwrap_or(f64::NAN),
     };
     (0..aligned.times_s.len()).map(point).collect()
 }

@@ -9,6 +9,8 @@ use std::ops::Range;
 pub(super) struct Side<'a> {
     pub data: &'a Data,
     pub zeroed: &'a Zeroed,
+    /// Start of the run on the clock of the log, s. That of a steady state is before its log, which ends with the run.
+    pub start_s: f64,
     pub steady: Steady,
     pub findings: Vec<LogFinding>,
 }
@@ -28,29 +30,41 @@ impl<'a> Side<'a> {
             help: "check the IMU with `biflag doctor`, and repeat the trial",
         };
         let steady = zeroed.steady.clone().ok_or_else(|| TwinError::unusable(data, no_attitude()))?;
-        Ok(Self { data, zeroed, steady, findings: trial.log_findings() })
+        Ok(Self { data, zeroed, start_s: zeroed.run.start, steady, findings: trial.log_findings() })
     }
 
     /// Returns the time range with angles, relative to the start of the run.
     pub fn span(&self) -> Range<f64> {
         let span = self.zeroed.span();
-        span.start - self.zeroed.run.start..span.end - self.zeroed.run.start
+        span.start - self.start_s..span.end - self.start_s
     }
 
     /// Returns the time from the start of the run to its last angle, s.
     pub fn run_s(&self) -> f64 {
-        self.zeroed.seen_run().end - self.zeroed.run.start
+        self.zeroed.seen_run().end - self.start_s
     }
 
     /// Converts a time from the run's start to the log's clock.
     pub fn on_clock(&self, from_start: &Range<f64>) -> Range<f64> {
-        self.zeroed.run.start + from_start.start..self.zeroed.run.start + from_start.end
+        self.start_s + from_start.start..self.start_s + from_start.end
     }
 }
 
 impl<'a> Pair<'a> {
     pub fn new(measured: &'a Judged, modelled: &'a Judged) -> Result<Self, TwinError> {
-        Ok(Self { measured: Side::new(measured)?, modelled: Side::new(modelled)? })
+        let [mut measured, mut modelled] = [Side::new(measured)?, Side::new(modelled)?];
+        let run_s = measured.run_s().max(modelled.run_s());
+        for side in [&mut measured, &mut modelled] {
+            if side.data.is_steady_state() {
+                side.start_s -= run_s - side.run_s();
+            }
+        }
+        Ok(Self { measured, modelled })
+    }
+
+    /// Returns whether one of them is a steady state, without a transient.
+    pub fn has_steady_state(&self) -> bool {
+        self.measured.data.is_steady_state() || self.modelled.data.is_steady_state()
     }
 
     /// Returns the sensors of both.

@@ -18,7 +18,8 @@ pub(super) struct SteadyPair {
 impl SteadyPair {
     /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the
     /// window is at the end of the shorter one. A model beside a measurement has the measurement's window, because its
-    /// own means over both motor angles would differ by part of a beat. The order of the trials does not matter.
+    /// own means over both motor angles would differ by part of a beat; of a steady state, only its own means are known.
+    /// The order of the trials does not matter.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let is_same_kind = measured.data.is_model() == modelled.data.is_model();
@@ -27,8 +28,9 @@ impl SteadyPair {
         let Range { start, end } = with.steady.window;
         let common_s = aligned.common_s;
         let is_same_run = aligned.lengths_s.is_none();
+        let is_own = |side: &Side| is_same_run && (has_window(side) || side.data.is_steady_state());
         let window = if is_same_run {
-            let run_s = with.zeroed.run.start - shift_s;
+            let run_s = with.start_s - shift_s;
             start - run_s..end - run_s
         } else {
             common_s - (end - start).min(common_s)..common_s
@@ -40,8 +42,8 @@ impl SteadyPair {
             let over = side.on_clock(&(window.start - shift_s..window.end - shift_s));
             side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
         };
-        let measured_deg = of(measured, is_same_run && has_window(measured), 0.0);
-        let modelled_deg = of(modelled, is_same_run && has_window(modelled), aligned.shift_s);
+        let measured_deg = of(measured, is_own(measured), 0.0);
+        let modelled_deg = of(modelled, is_own(modelled), aligned.shift_s);
         Self { measured_deg, modelled_deg, window }
     }
 

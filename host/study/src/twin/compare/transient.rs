@@ -57,8 +57,11 @@ impl Blocks {
     /// Divides the common run, whose steady end is `window`.
     ///
     /// # Errors
-    /// [`Unjudged`] if too few blocks are left before it.
+    /// [`Unjudged`] if too few blocks are left before it, or there is only a steady state.
     pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Result<Self, Unjudged> {
+        if pair.has_steady_state() {
+            return Err(Unjudged::SteadyState);
+        }
         let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
         let count = (window.end / length_s + 1e-6).floor() as usize;
         let block = |i: usize| {
@@ -89,8 +92,8 @@ impl Blocks {
             blocks.iter().map(|block| run_start_s + block.middle_s - shift_s).collect()
         };
         let (one, other) = (&pair.measured.zeroed, &pair.modelled.zeroed);
-        let one = one.over_time(&times(one.run.start, 0.0), length_s);
-        let other = other.over_time(&times(other.run.start, aligned.shift_s), length_s);
+        let one = one.over_time(&times(pair.measured.start_s, 0.0), length_s);
+        let other = other.over_time(&times(pair.modelled.start_s, aligned.shift_s), length_s);
         let is_same = pair.is_of_one_sensor();
         let shorter = BLOCK_S / length_s;
         let covariance = |k: usize| {

@@ -176,9 +176,11 @@ mod tests {
             ),
             "{said}"
         );
-        for (why, part) in
-            [(Unjudged::Short, "the run is too short to judge"), (Unjudged::Gaps, "gaps leave too little")]
-        {
+        for (why, part) in [
+            (Unjudged::Short, "the run is too short to judge"),
+            (Unjudged::Gaps, "gaps leave too little"),
+            (Unjudged::SteadyState, "no transient"),
+        ] {
             let without = agreeing().map(|angle| AngleComparison { transient: None, ..angle });
             let said = verdict(&Comparison { unjudged: Some(why), ..of(without, Sides::Recordings) });
             assert!(said.starts_with("The steady states agree") && said.contains(part), "{said}");
