@@ -2,7 +2,7 @@
 
 use crate::statistics::{effective_freedom, student_95};
 use serde::Serialize;
-use sim::functions::powi;
+use sim::functions::{hypot, powi};
 
 /// What a slow approach may still change after the run, as the name of a cause.
 pub(crate) const TO_COME: &str = "slow approach";
@@ -131,15 +131,18 @@ impl Budget {
                 Some(sum) if is_same_sensor && term.common_to == CommonTo::Sensor => {
                     sum.parts.iter_mut().zip(&term.parts).for_each(|(sum, part)| sum.0 += part.0);
                 }
-                Some(sum) => sum.parts.extend(&term.parts),
+                Some(sum) => {
+                    sum.parts.extend(&term.parts);
+                    sum.sensitivity = sum.sensitivity.zip(term.sensitivity).map(|(one, other)| hypot(one, other));
+                }
                 None => terms.push(term.clone()),
             }
         }
         terms.sort_by_key(|term| term.common_to == CommonTo::Sensor);
         Self::new(terms.into_iter().map(|term| Term {
             evaluation: term.evaluation,
-            // That of a trial's own clock is per standard uncertainty; two sensors may have different ones.
-            sensitivity: term.sensitivity.filter(|_| term.common_to == CommonTo::Trial).map(|_| term.u_deg),
+            // What two trials of one sensor leave of its errors has no unit of its own.
+            sensitivity: term.sensitivity.filter(|_| term.common_to == CommonTo::Trial),
             ..Term::new(term.name, term.common_to, term.parts)
         }))
     }
@@ -217,6 +220,22 @@ mod tests {
         let names: Vec<_> = others.terms().map(|term| term.name).collect();
         assert_eq!(names, ["noise", "gyroscope scale", "clock"]);
         assert!((one.covariance_with(&other) - 2.0 * 2.2 * 1.25).abs() < 1e-12);
+    }
+
+    /// The unit of a clock is its relative error: the effect of one standard uncertainty is the product of both.
+    #[test]
+    fn a_clock_in_a_difference_has_its_degrees_per_unit() {
+        let of_clock = |deg: f64, u: f64| {
+            let term = Term::of_trial("clock", deg * u, f64::INFINITY);
+            Budget::new([Term { sensitivity: Some(deg), ..term }])
+        };
+        let sensitivity = |budget: &Budget| budget.terms[0].sensitivity.unwrap();
+        let (one, other) = (of_clock(30.0, 2e-6), of_clock(40.0, 2e-6));
+        for difference in [one.minus(&Budget::default(), false), Budget::default().minus(&one, false)] {
+            assert!((sensitivity(&difference) - 30.0).abs() < 1e-12, "{difference:?}");
+        }
+        let both = other.minus(&one, true);
+        assert!((sensitivity(&both) - 50.0).abs() < 1e-12 && (both.u_deg() - 50.0 * 2e-6).abs() < 1e-15, "{both:?}");
     }
 
     #[test]
