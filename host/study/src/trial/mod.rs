@@ -30,6 +30,7 @@ mod shapes;
 mod tilt_zero;
 mod usable;
 mod zero;
+mod zeroing;
 
 pub use crate::swing::SwingSpeeds;
 pub use angles::{Angles, Steady};
