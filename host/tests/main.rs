@@ -18,6 +18,7 @@ mod preview;
 mod program;
 mod resistance;
 mod simulate;
+mod steady;
 mod still;
 mod sweep;
 mod sweep_plan;

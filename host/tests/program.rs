@@ -12,6 +12,10 @@ pub fn code(output: &Output) -> Option<i32> {
     output.status.code()
 }
 
+pub fn expect(output: &Output, code: i32) {
+    assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 pub fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
