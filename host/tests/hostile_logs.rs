@@ -126,7 +126,7 @@ fn abuse(folder: &Path, content: &[u8]) {
     let losses = check(&path).unwrap();
     assert_eq!(losses.is_empty(), condition == Condition::Clean);
     assert!(condition != Condition::Clean || ended.is_some());
-    let data = Judged::read(&path, Want { forces: true, shapes: 10, hash: true }).unwrap().data;
+    let data = Judged::read(&path, Want { forces: true, frames: true, shapes: 10, hash: true }).unwrap().data;
     assert_eq!((data.condition, &data.losses, data.link.samples), (condition, &losses, frames.len() as u64));
     assert!(frames.iter().all(|seq| *seq < u32::from(FRAMES)), "a frame that was never written");
 

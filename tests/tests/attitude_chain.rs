@@ -1,10 +1,12 @@
 //! Compares the logged attitude with the ground truth of the simulated robot, through the complete chain: motors, fluid
 //! and flagella, base, sensor with its errors, firmware, link, log.
 
+use biflag_log::schema::biflag::{Telemetry, Truth};
 use biflag_log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
 use host::attitude::tilt_deg;
 use host::trial::{Data, Judged, Want, Zeroed};
-use serde_json::Value;
+use serde_json::Value as Json;
+use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -43,7 +45,7 @@ fn wobble(data: &Data, zeroed: &Zeroed, tilt: usize) -> f64 {
 }
 
 /// Compares a trial of `record --json` with the ground truth in its log.
-fn errors(bench: &Bench, trial: &Value) -> Errors {
+fn errors(bench: &Bench, trial: &Json) -> Errors {
     let log = bench.path().join(trial["log"].as_str().unwrap());
     let mut start_ns = None;
     for message in Reader::open(&log).unwrap() {
@@ -79,12 +81,77 @@ fn read(log: &Path) -> Reader {
 }
 
 /// Records a session on the emulated board with the simulated robot.
-fn record(bench: &Bench, plan: &str, seed: u64) -> Value {
+fn record(bench: &Bench, plan: &str, seed: u64) -> Json {
     let seed = seed.to_string();
     let run = bench.run(["record", plan, "--virtual", "--seed", &seed, "--out", "session", "--json"]);
     // On a busy machine the motors may start late, with a warning.
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     run.json()
+}
+
+type Value<M> = (&'static str, fn(&M) -> f64);
+
+/// A value of a frame on each axis, and of each part.
+const FRAME: [Value<Telemetry>; 7] = [
+    ("rate_x_dps", |frame| frame.angular_velocity_dps.unwrap().x),
+    ("acceleration_y_mps2", |frame| frame.acceleration_mps2.unwrap().y),
+    ("gyro_z_counts", |frame| frame.gyro_counts.unwrap().z.into()),
+    ("accel_x_counts", |frame| frame.accel_counts.unwrap().x.into()),
+    ("temperature_counts", |frame| frame.temperature_counts.into()),
+    ("duty1", |frame| frame.motor1.unwrap().duty.into()),
+    ("encoder2_counts", |frame| frame.motor2.unwrap().encoder_counts.into()),
+];
+
+const TRUTH: [Value<Truth>; 6] = [
+    ("truth_yaw_deg", |truth| truth.yaw_deg),
+    ("truth_pitch_deg", |truth| truth.pitch_deg),
+    ("truth_rate_x_dps", |truth| truth.angular_velocity_dps.unwrap().x),
+    ("truth_rate_z_dps", |truth| truth.angular_velocity_dps.unwrap().z),
+    ("truth_speed1_rpm", |truth| truth.motor1_rpm),
+    ("truth_turns2", |truth| truth.motor2_turns),
+];
+
+/// Checks that each row of an export has the values of its frame, and the truth between the samples around its time.
+fn check_export(bench: &Bench, log: &str) {
+    assert!(matches!(bench.run(["export", log, "-o", "log.csv"]).code, Some(0 | 3)));
+    let csv = fs::read_to_string(bench.path().join("log.csv")).unwrap();
+    let mut lines = csv.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    let at = |name: &str| names.iter().position(|other| *other == name).unwrap_or_else(|| panic!("{name}: {names:?}"));
+    let (mut frames, mut truths) = (Vec::new(), Vec::new());
+    for message in Reader::open(&bench.path().join(log)).unwrap() {
+        match message.unwrap().body {
+            Body::Telemetry(frame) if frame.imu_fresh => frames.push(frame),
+            Body::Truth(truth) => truths.push(truth),
+            _ => {}
+        }
+    }
+    let Judged { data, .. } = Judged::read(&bench.path().join(log), Want::default()).unwrap();
+    // By the true rate of the board's clock.
+    let times = &data.truth.time_s;
+    assert_eq!(times.len(), truths.len());
+    let (mut rows, mut known) = (0, 0);
+    for (row, frame) in lines.zip(&frames) {
+        let cell = |name: &str| row[at(name)].parse::<f64>().ok();
+        for (name, of) in FRAME {
+            assert!((cell(name).unwrap() - of(frame)).abs() < 1e-8, "{name} of {row:?}, not {}", of(frame));
+        }
+        let time_s = cell("time_s").unwrap() + data.times.run.start;
+        let after = times.partition_point(|time| *time < time_s);
+        for (name, of) in TRUTH {
+            let (Some(value), Some([a, b])) = (cell(name), truths.get(after.wrapping_sub(1)..=after)) else {
+                assert!(cell(name).is_none() && (after == 0 || after == times.len()), "{name} of {row:?}");
+                continue;
+            };
+            let share = (time_s - times[after - 1]) / (times[after] - times[after - 1]);
+            let expected = of(a) + share * (of(b) - of(a));
+            assert!((value - expected).abs() < 1e-6, "{name} of {row:?}, not {expected}");
+            known += 1;
+        }
+        rows += 1;
+    }
+    assert_eq!(rows, frames.len());
+    assert!(known > TRUTH.len() * (rows - 12), "{known} values of {rows} rows");
 }
 
 /// A short trial with the largest tilt.
@@ -102,6 +169,7 @@ fn logged_attitude_agrees_with_the_truth() {
     println!("{errors:?}");
     assert!(errors.ratios().iter().all(|ratio| *ratio < 1.0), "{errors:?}");
     assert!(errors.wobble_deg.iter().all(|deg| *deg < 0.5), "{errors:?}");
+    check_export(&bench, trial["log"].as_str().unwrap());
     // The budget of each angle is its ±.
     for (k, angle) in ANGLES.iter().enumerate() {
         let terms = trial["budget"].as_array().unwrap().iter().filter(|term| term["angle"] == *angle);

@@ -76,7 +76,7 @@ fn log_cut_or_changed_at_any_byte_is_noticed() {
                     cases += 1;
                     // The trial's own figures need more time than the log.
                     if cases % 16 == 0 {
-                        let _ = Judged::read(&path, Want { forces: true, shapes: 10, hash: true });
+                        let _ = Judged::read(&path, Want { forces: true, frames: true, shapes: 10, hash: true });
                     }
                 };
                 let mut broken = bytes.clone();

@@ -34,7 +34,7 @@
 //! | `/command` | `biflag.Command` | each request, its number of attempts, and its reply |
 //! | `/dropout` | `biflag.Dropout` | telemetry frames that were lost |
 //! | `/event` | `biflag.Event` | phases, states, faults, warnings |
-//! | `/truth` | `biflag.Truth` | models: attitude and shafts, unrounded; imported trials: as other instruments measured them |
+//! | `/truth` | `biflag.Truth` | models: attitude, rates and shafts, unrounded; imported trials: as other instruments measured them |
 //! | `/forces` | `biflag.Forces` | models only: forces and torques of the flagella, gaps, contact |
 //! | `/nodes` | `biflag.Nodes` | models only, if requested: the centre lines of the flagella |
 //! | `/steering` | `biflag.Steering` | steered trials only: each set-point, and the observation that it was made from |

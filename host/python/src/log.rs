@@ -28,7 +28,7 @@ const PAGES: usize = 10;
 /// Reads a log, even a damaged one, and returns what it holds as a dictionary.
 #[pyfunction]
 pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let want = Want { forces: true, shapes: SHAPES, hash: false };
+    let want = Want { forces: true, frames: true, shapes: SHAPES, hash: false };
     let read = |_: &_| {
         let trial = Attempt::of_log(&path).read(want).map_err(|error| Failure::of_file(&path, &error))?;
         let rows = table::trial(&trial);

@@ -37,7 +37,8 @@ def test_tables_are_those_of_the_export(recorded: Path, tmp_path: Path) -> None:
     recording = session["001_w1+50_w2+10"]
     theirs = rows("001_w1+50_w2+10.csv")
     assert len(theirs) == recording.table.rows
-    for name in ("time_s", "yaw_deg", "pitch_deg", "yaw_uncertainty_deg", "board_yaw_deg", "speed2_rpm"):
+    names = ("time_s", "yaw_deg", "pitch_deg", "yaw_uncertainty_deg", "board_yaw_deg", "speed2_rpm")
+    for name in (*names, "rate_z_dps", "gyro_x_counts", "truth_yaw_deg", "truth_turns2"):
         for row, value in zip(theirs, recording.table[name], strict=True):
             assert math.isnan(value) if row[name] == "" else abs(float(row[name]) - value) < 1e-9, name
     assert [row["phase"] for row in theirs] == recording.table["phase"].tolist()

@@ -202,8 +202,8 @@ fn error_of_the_model_is_that_of_the_robots_rods() {
         // A model that moves as the robot does.
         let angles_deg = Judged::of(measured.clone()).angles.angles_deg;
         for (i, time_s) in angles_deg.time_s.iter().enumerate() {
-            let [yaw, pitch, roll] = [0, 1, 2].map(|k| angles_deg.values[k][i]);
-            modelled.truth.push(*time_s, [yaw, pitch, roll, 0.0, 0.0]);
+            let truth = std::array::from_fn(|k| angles_deg.values.get(k).map_or(0.0, |angle| angle[i]));
+            modelled.truth.push(*time_s, truth);
         }
         let parameters = toml::to_string(&robot).unwrap();
         modelled.records.model = Some(ModelMeta { parameters, ..ModelMeta::default() });

@@ -97,7 +97,7 @@ pub struct Exported {
     pub findings: Vec<LogFinding>,
 }
 
-const FORCES: Want = Want { forces: true, shapes: 0, hash: true };
+const ALL: Want = Want { forces: true, frames: true, shapes: 0, hash: true };
 
 /// Exports a log to a file.
 ///
@@ -107,7 +107,7 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     if system::file::is_same(log, output) {
         return Err(ExportError::Itself { path: output.to_owned() });
     }
-    let trial = Attempt::of_log(log).read(FORCES)?;
+    let trial = Attempt::of_log(log).read(ALL)?;
     let rows = write_trial(&trial, output, format, replace)?;
     let damaged = if trial.data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
     let trials = vec![(trial.data.trial().name, trial.data.origin().name())];
@@ -142,7 +142,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     for state in states {
         exported.findings.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.best() else { continue };
-        let trial = match attempt.read(FORCES) {
+        let trial = match attempt.read(ALL) {
             Ok(trial) => trial,
             Err(error) => {
                 exported.damaged.push(error.to_string());

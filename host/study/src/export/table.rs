@@ -1,9 +1,9 @@
 //! Tables of trials and sessions: columns with names, units and values.
 
-use crate::attitude::{Euler, Reading, rotation};
+use crate::attitude::{Euler, Reading, Track, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
-use crate::trial::{AngleTerm, Angles, Data, Finding, Judged, SwingSpeeds, Zeroed};
+use crate::trial::{AngleTerm, Angles, Data, FRAME, Finding, Judged, SwingSpeeds, TRUTH, Zeroed};
 use biflag_log::ImportMeta;
 use sim::trial::quantity::{FLAGELLA, Place, Values as Quantities, columns as quantities, sample_columns};
 use std::borrow::Cow;
@@ -173,6 +173,9 @@ pub fn trial(trial: &Judged) -> Table {
     if data.is_recorded() {
         let temperature_c = |row: &Row| (!data.temperature_c.is_nan()).then_some(row.temperature_c);
         columns.push(rows.real("temperature_c", "temperature of the sensor", temperature_c));
+        for (field, values) in FRAME.iter().zip(&data.frames.values).filter(|(_, values)| !values.is_empty()) {
+            columns.push(rows.real(field.name, field.about, |row| values[row.reading]));
+        }
     }
     if !data.forces.is_empty() {
         for (k, column) in sample_columns(FLAGELLA).enumerate() {
@@ -180,11 +183,18 @@ pub fn trial(trial: &Judged) -> Table {
             columns.push(rows.real(column.name, about, |row| data.forces.track(k).at(row.time_s)));
         }
     }
+    if let Some(interval_s) = data.truth.interval_s() {
+        for (field, track) in TRUTH.iter().zip(data.truth.tracks()) {
+            columns.push(rows.real(field.name, field.about, |row| between(track, 1.5 * interval_s, row.time_s)));
+        }
+    }
     Table { header: header(data, zeroed), columns }
 }
 
 /// A row of the table of a trial.
 struct Row {
+    /// Index of the reading.
+    reading: usize,
     /// Time of the attitude.
     time_s: f64,
     /// Time of the frame.
@@ -207,6 +217,7 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
             false => i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len()),
         };
         Row {
+            reading: i,
             time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
             frame_s: *frame_s,
             angles_deg: at.map(|at| zeroed.angles_deg.row(at)),
@@ -215,6 +226,14 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
         }
     };
     data.readings.iter().enumerate().map(row).collect()
+}
+
+/// Returns the value at a time, if it is that of a sample, or between two samples that are not further apart than this.
+fn between(track: Track, longest_s: f64, time_s: f64) -> Option<f64> {
+    let after = track.time_s.partition_point(|time| *time < time_s);
+    let next = track.time_s.get(after)?;
+    let is_near = |before: usize| next - track.time_s[before] <= longest_s;
+    track.at(time_s).filter(|_| *next == time_s || after.checked_sub(1).is_some_and(is_near))
 }
 
 /// Returns the index of a time, equal to within rounding.
@@ -262,6 +281,12 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         let ImportMeta { source, source_sha256, columns, .. } = import;
         format!("imported from {source}, SHA-256 {source_sha256}: {columns}")
     }));
+    lines.extend(data.truth.interval_s().map(|interval_s| {
+        format!(
+            "truth_*: the simulated robot at the time of the angles, linear between its states every {:.1} ms",
+            interval_s * 1e3
+        )
+    }));
     if data.is_model() {
         lines.push("modelled angles have no correction: the robot starts upright with a yaw of zero".to_owned());
         return with_steady(lines, zeroed);
@@ -272,7 +297,8 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         let delay_s = data.readings.get(data.calibrated).zip(zeroed.angles_deg.time_s.first());
         let delay_s = delay_s.map_or(0.0, |((frame_s, _), time_s)| frame_s - time_s);
         lines.push(format!(
-            "each row is a frame; its angles are {:.1} ms older than its speeds and turns (the delay of the sensor's filter)",
+            "each row is a frame; its angles, rates and accelerations are {:.1} ms older than its speeds and turns (the delay \
+             of the sensor's filter)",
             delay_s * 1e3
         ));
         lines.push(match zeroed.drift() {

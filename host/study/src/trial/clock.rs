@@ -45,6 +45,7 @@ pub(super) fn correct(mut data: Data) -> Data {
     fn scale<const N: usize>(columns: &mut Columns<N>, factor: f64) {
         columns.time_s.iter_mut().for_each(|time| *time *= factor);
     }
+    scale(&mut data.frames, true_s);
     scale(&mut data.motors, true_s);
     scale(&mut data.truth, true_s);
     scale(&mut data.forces, true_s);

@@ -3,6 +3,7 @@
 use super::bounds;
 use super::clock;
 use super::data::{Data, Event, LinkSecond, Records, Want};
+use super::fields::{self, FRAME, TRUTH};
 use super::imported;
 use super::shapes::Shapes;
 use crate::attitude::Reading;
@@ -19,6 +20,7 @@ const MAX_EVENTS: usize = 2_000;
 /// The part of a trial that has been read or recorded so far.
 #[derive(Debug, Default)]
 pub struct Collector {
+    want: Want,
     format: u32,
     /// Time of the last frame.
     last_s: Option<f64>,
@@ -37,7 +39,7 @@ impl Collector {
     /// Creates an empty collector for a log of this format.
     pub fn new(want: Want, format: u32) -> Self {
         let data = Data { shapes: Shapes::new(want.shapes), ..Data::default() };
-        Self { format, data, ..Self::default() }
+        Self { want, format, data, ..Self::default() }
     }
 
     /// Adds a frame of telemetry.
@@ -53,6 +55,9 @@ impl Collector {
         self.temperature_sum += frame.temperature_c;
         if let Some(reading) = self.reading(frame).filter(|_| frame.imu_fresh) {
             self.data.readings.push((time_s, reading));
+            if self.want.frames {
+                self.data.frames.push(time_s, fields::row(&FRAME, frame));
+            }
         }
         if let (Some(one), Some(two)) = (&frame.motor1, &frame.motor2) {
             let ((w1, turns1), (w2, turns2)) = (self.motion(0, one, time_s), self.motion(1, two, time_s));
@@ -76,8 +81,7 @@ impl Collector {
 
     /// Adds the unrounded state of a modelled robot.
     pub fn truth(&mut self, truth: &biflag::Truth) {
-        let row = [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
-        self.data.truth.push(truth.time_s, row);
+        self.data.truth.push(truth.time_s, fields::row(&TRUTH, truth));
     }
 
     /// Adds the forces of a modelled robot.

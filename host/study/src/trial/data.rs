@@ -1,5 +1,6 @@
 //! The content of a log as columns over the trial's clock, and its metadata.
 
+use super::fields::{FRAME, TRUTH};
 use super::finding::Finding;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading, Track};
@@ -34,6 +35,8 @@ const LONG_GAP_S: f64 = 1.0;
 pub struct Want {
     /// The forces of a modelled robot.
     pub forces: bool,
+    /// The fields of a board's frames.
+    pub frames: bool,
     /// Largest number of the flagella's shapes to keep; 0: none.
     pub shapes: usize,
     /// The hash of the file.
@@ -179,10 +182,12 @@ pub struct Data {
     pub readings: Vec<(f64, Reading)>,
     /// Index of the first reading after the gyroscope's calibration; earlier rates have another bias.
     pub calibrated: usize,
+    /// The fields in [`FRAME`], a row for each of the readings; empty unless requested, and for an imported trial.
+    pub frames: Columns<{ FRAME.len() }>,
     /// See [`MOTORS`].
     pub motors: Columns<MOTORS>,
-    /// Modelled and simulated robots only: yaw, pitch, roll (degrees) and turns of both shafts, unrounded.
-    pub truth: Columns<5>,
+    /// Modelled and simulated robots only: the fields in [`TRUTH`], unrounded.
+    pub truth: Columns<{ TRUTH.len() }>,
     /// The columns of [`sim::trial::quantity::sample_columns`]; empty unless requested.
     pub forces: Columns<SAMPLE_COLUMNS>,
     /// Shapes of the flagella; empty unless requested.

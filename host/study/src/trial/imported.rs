@@ -2,6 +2,7 @@
 
 use super::budget::{Budget, Evaluation, Term};
 use super::data::MOTORS;
+use super::fields::TRUTH;
 use super::over_time::OverTime;
 use crate::attitude::{Columns, Reading};
 use crate::statistics::student_95;
@@ -17,12 +18,13 @@ const INSTRUMENT: &str = "imported instrument";
 /// Converts states (yaw, pitch, roll and turns of both shafts) into readings, speeds and turns. The speeds follow from
 /// the turns.
 pub(super) fn readings(
-    states: &Columns<5>,
+    states: &Columns<{ TRUTH.len() }>,
     temperature_c: f64,
     run: &Range<f64>,
     target_rpm: [f64; 2],
 ) -> (Vec<(f64, Reading)>, Columns<MOTORS>) {
     let times = &states.time_s;
+    let [.., turns1, turns2] = &states.values;
     let mut motors = Columns::default();
     let reading = |i: usize| {
         let [yaw, pitch, roll, ..] = states.row(i).map(f64::to_radians);
@@ -30,15 +32,14 @@ pub(super) fn readings(
         (times[i], Reading { attitude: [q.w, q.i, q.j, q.k], rates_dps: None, temperature_c })
     };
     for (i, time) in times.iter().enumerate() {
-        let [.., one, two] = states.row(i);
         let (before, after) = (i.saturating_sub(1), (i + 1).min(times.len() - 1));
         let passed_s = times[after] - times[before];
-        let rpm = |k: usize| match passed_s > 0.0 {
-            true => 60.0 * (states.values[3 + k][after] - states.values[3 + k][before]) / passed_s,
+        let rpm = |turns: &[f64]| match passed_s > 0.0 {
+            true => 60.0 * (turns[after] - turns[before]) / passed_s,
             false => 0.0,
         };
         let target = target_rpm.map(|target| if run.contains(time) { target } else { 0.0 });
-        motors.push(*time, [target[0], rpm(0), target[1], rpm(1), one, two]);
+        motors.push(*time, [target[0], rpm(turns1), target[1], rpm(turns2), turns1[i], turns2[i]]);
     }
     ((0..times.len()).map(reading).collect(), motors)
 }
