@@ -23,6 +23,8 @@ pub fn robots() -> Vec<String> {
         .unwrap_or_default()
         .into_iter()
         .filter(|port| usb(port) || port.port_name.contains("ttyUSB") || port.port_name.contains("ttyACM"))
+        // A Mac's other name of a port, whose opening waits for a carrier.
+        .filter(|port| !port.port_name.starts_with("/dev/tty."))
         .map(|port| port.port_name)
         .collect();
     names.sort();

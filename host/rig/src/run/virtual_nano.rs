@@ -32,9 +32,9 @@ const END_TIMEOUT: Duration = Duration::from_secs(5);
 #[derive(Debug, Error, Diagnostic)]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum VirtualError {
-    /// This system has no pseudo-terminals.
+    /// This is another system.
     #[error("the emulated board runs on Linux only")]
-    #[diagnostic(code(wrong_use), help("run this in WSL, the Linux inside Windows, or on another computer"))]
+    #[diagnostic(code(wrong_use), help("run this on Linux, such as WSL, the Linux inside Windows"))]
     NotHere,
     /// The program does not exist.
     #[error("the program of the emulated board is missing: neither {0} nor a vnano on the PATH")]

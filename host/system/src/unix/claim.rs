@@ -1,13 +1,13 @@
 //! Exclusive use of a board. Opening the port of a Nano resets it, so only one biflag may use it, even while avrdude
 //! has the port open on its behalf.
 //!
-//! The claim is the name of an abstract socket. It needs no file, and the kernel releases it however the program ends.
-//! Keeping the port open would not work: avrdude could then not reset the board by opening it.
+//! The claim is the name of an abstract socket of Linux, which needs no file; elsewhere it is a locked file. The kernel
+//! releases it however the program ends. Keeping the port open would not work: avrdude could then not reset the board by
+//! opening it.
 
 use std::io::{Error, ErrorKind, Result};
-use std::os::linux::net::SocketAddrExt;
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
-use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
 
 /// How long a claim waits: another program that is being started holds the names of the one that starts it for a moment.
@@ -16,7 +16,7 @@ const WAIT: Duration = Duration::from_millis(200);
 /// Exclusive use of a port until it is dropped.
 #[derive(Debug)]
 pub struct Claim {
-    _name: UnixDatagram,
+    _name: OwnedFd,
 }
 
 impl Claim {
@@ -28,15 +28,33 @@ impl Claim {
         // A device can have several names, and links to them.
         let device = std::fs::metadata(path)?;
         let name = format!("biflag-port-{:x}-{:x}-{:x}", device.rdev(), device.dev(), device.ino());
-        let (name, begun) = (SocketAddr::from_abstract_name(name)?, Instant::now());
+        let begun = Instant::now();
         loop {
-            match UnixDatagram::bind_addr(&name) {
-                Ok(name) => return Ok(Self { _name: name }),
-                Err(error) if error.kind() != ErrorKind::AddrInUse => return Err(error),
-                Err(_) if begun.elapsed() > WAIT => return Err(Error::from(ErrorKind::ResourceBusy)),
-                Err(_) => std::thread::sleep(WAIT / 20),
+            match hold(&name)? {
+                Some(name) => return Ok(Self { _name: name }),
+                None if begun.elapsed() > WAIT => return Err(Error::from(ErrorKind::ResourceBusy)),
+                None => std::thread::sleep(WAIT / 20),
             }
         }
+    }
+}
+
+/// Takes a name; returns `None` while another program has it.
+#[cfg(target_os = "linux")]
+fn hold(name: &str) -> Result<Option<OwnedFd>> {
+    use std::os::{linux::net::SocketAddrExt, unix::net};
+    match net::UnixDatagram::bind_addr(&net::SocketAddr::from_abstract_name(name)?) {
+        Err(error) if error.kind() == ErrorKind::AddrInUse => Ok(None),
+        socket => Ok(Some(socket?.into())),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn hold(name: &str) -> Result<Option<OwnedFd>> {
+    let file = std::fs::File::options().append(true).create(true).open(std::env::temp_dir().join(name))?;
+    match file.try_lock() {
+        Err(std::fs::TryLockError::WouldBlock) => Ok(None),
+        locked => Ok(Some(locked.map(|()| file.into())?)),
     }
 }
 

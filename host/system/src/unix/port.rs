@@ -7,14 +7,16 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// The name of a port.
-pub const EXAMPLE: &str = "/dev/ttyUSB0";
+pub const EXAMPLE: &str = if IS_LINUX { "/dev/ttyUSB0" } else { "/dev/cu.usbserial-10" };
 
-/// Whether programs can emulate ports, by pseudo-terminals.
-pub const CAN_BE_EMULATED: bool = true;
+/// Whether the emulated board runs here.
+pub const CAN_BE_EMULATED: bool = IS_LINUX;
 
-/// Returns whether the system lists its ports: it does not in some containers.
+const IS_LINUX: bool = cfg!(target_os = "linux");
+
+/// Returns whether the system lists its ports: Linux does not in some containers.
 pub fn are_listed() -> bool {
-    Path::new("/sys/class/tty").is_dir()
+    !IS_LINUX || Path::new("/sys/class/tty").is_dir()
 }
 
 /// Returns whether the port belongs to a program, and not to a cable: whether it is a pseudo-terminal.
