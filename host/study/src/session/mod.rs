@@ -394,12 +394,17 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
 }
 
 /// Returns the default folder of a plan with this name. The name may contain any text: characters that do not suit a
-/// folder's name are replaced.
+/// folder's name are replaced, and so are the names of Windows' devices, with any extension.
 pub fn folder_named(name: &str) -> PathBuf {
     let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
     let name: String = name.chars().map(fit).take(60).collect();
     let name = name.trim_matches(['.', '-']);
-    PathBuf::from(if name.is_empty() { "session" } else { name })
+    let kind = name.split('.').next().unwrap_or_default().trim_end_matches(char::is_numeric).to_ascii_lowercase();
+    match kind.as_str() {
+        "" if name.is_empty() => "session".into(),
+        "con" | "prn" | "aux" | "nul" | "com" | "lpt" => format!("session-{name}").into(),
+        _ => name.into(),
+    }
 }
 
 #[cfg(test)]

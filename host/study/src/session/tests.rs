@@ -331,6 +331,10 @@ fn folder_named_after_a_plan_is_safe() {
         ("C:\\\\temp", "C--temp"),
         ("a\\u0000b\\nc", "a-b-c"),
         ("Glyzerin 30 °C", "Glyzerin-30--C"),
+        ("10:30", "10-30"),
+        ("Con", "session-Con"),
+        ("com1.2", "session-com1.2"),
+        ("control", "control"),
     ] {
         let plan = plan(&format!("[session]\nname = \"{name}\"\n[speeds]\npairs = [[50, 10]]"));
         let folder = folder_named(&plan.name);

@@ -1,13 +1,13 @@
 //! Room on a disk.
 
 use std::os::windows::ffi::OsStrExt;
-use std::path::{Path, absolute};
+use std::path::Path;
 use std::ptr::null_mut;
 use windows_sys::Win32::Storage::FileSystem::GetDiskFreeSpaceExW;
 
 /// Returns the bytes that this user may still write on the disk of a folder, if the system knows.
 pub fn free_bytes(folder: &Path) -> Option<f64> {
-    let name: Vec<u16> = absolute(folder).ok()?.as_os_str().encode_wide().chain([0]).collect();
+    let name: Vec<u16> = folder.canonicalize().ok()?.as_os_str().encode_wide().chain([0]).collect();
     let mut free = 0;
     // SAFETY: the name ends with a zero, and null is allowed for the numbers that nobody asks for.
     let is_known = unsafe { GetDiskFreeSpaceExW(name.as_ptr(), &mut free, null_mut(), null_mut()) };
@@ -23,5 +23,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert!(free_bytes(folder.path()).unwrap() > 1e6);
         assert_eq!(free_bytes(&folder.path().join("missing")), None);
+        let deep = folder.path().join("a".repeat(150)).join("b".repeat(150));
+        std::fs::create_dir_all(&deep).unwrap();
+        assert!(free_bytes(&deep).unwrap() > 1e6);
     }
 }
