@@ -315,10 +315,12 @@ pub fn firmware() -> PathBuf {
     built(repository().join("target/firmware.elf"))
 }
 
-/// Returns the path of a program of the release build. In a debug build the emulated board is too slow.
+/// Returns the path of a program of the release build, for `biflag` that of `BIFLAG_PROGRAM` if it is set: `biflag.exe` under
+/// Wine. In a debug build the emulated board is too slow.
 pub fn program(name: &str) -> PathBuf {
     hear_signals();
-    built(repository().join("target/release").join(name))
+    let other = std::env::var_os("BIFLAG_PROGRAM").filter(|_| name == "biflag");
+    built(other.map_or_else(|| repository().join("target/release").join(name), PathBuf::from))
 }
 
 /// Lets the programs that tests start hear signals. A shell ignores Ctrl-C for what it runs in the background, and programs

@@ -4,7 +4,7 @@ use biflag_log::{Body, Condition, End, Reader};
 use protocol::frame::Accumulator;
 use protocol::{Command, Request};
 use rustix::process::Signal;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
@@ -127,8 +127,11 @@ fn log_is_written_while_an_answer_is_awaited() {
     assert!(lost_s <= 0.5 + lateness.allowed().as_secs_f64(), "{lost_s} s");
 }
 
+/// The motors' deadline of [`KILLED`], s. A run is longer.
+const DEADLINE_S: f64 = 1.0;
+
 /// Three trials, so that kills also hit the time between two of them.
-const KILLED: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 0.2\nrest_at_most = 0\nrun = 1.2\ndecay = 0.1\n\
+const KILLED: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 1000\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 0.2\nrest_at_most = 0\nrun = 1.6\ndecay = 0.1\n\
                       [speeds]\npairs = [[50, 10], [-30, 30], [0, 45]]\n";
 
 /// What came of the kills of one session.
@@ -138,10 +141,13 @@ struct Killed {
     in_trials: usize,
     sessions: usize,
     worst: Duration,
+    /// How long motors were driven after a kill, s.
+    driven_s: Vec<f64>,
 }
 
-/// A recording that is killed at any time loses at most the last half second; `--resume` repeats no complete trial and
-/// leaves none out. `KILLS=1000 cargo test --release -p tests --test all interruption::killed` runs more than the usual 9.
+/// A recording that is killed at any time loses at most the last half second, and its motors stop by their deadline;
+/// `--resume` repeats no complete trial and leaves none out. `KILLS=1000 cargo test --release -p tests --test all
+/// interruption::killed` runs more than the usual 9.
 #[test]
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     let kills = std::env::var("KILLS").map_or(9, |kills| kills.parse().expect("KILLS is a number"));
@@ -155,12 +161,16 @@ fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     });
     let sum = |of: fn(&Killed) -> usize| killed.iter().map(of).sum::<usize>();
     let worst = killed.iter().map(|killed| killed.worst).max().unwrap();
+    let driven_s: Vec<f64> = killed.iter().flat_map(|killed| killed.driven_s.clone()).collect();
     println!(
-        "{} kills, {} of them in a trial, in {} sessions: at most {:.0} ms lost, no trial lost or recorded twice",
+        "{} kills, {} of them in a trial, in {} sessions: at most {:.0} ms lost, no trial lost or recorded twice; after {} \
+         of them motors were driven, for {:.0} ms at most",
         sum(|killed| killed.kills),
         sum(|killed| killed.in_trials),
         sum(|killed| killed.sessions),
-        worst.as_secs_f64() * 1e3
+        worst.as_secs_f64() * 1e3,
+        driven_s.len(),
+        driven_s.iter().copied().fold(0.0, f64::max) * 1e3
     );
     assert_eq!(sum(|killed| killed.kills), kills);
     assert!(sum(|killed| killed.in_trials) * 2 > kills, "most kills hit a trial");
@@ -209,6 +219,19 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
             let sent_s = board_s(&mut nano);
             let _ = Run::of(recording);
             killed.kills += 1;
+            // Every fourth time the next run meets a board that still drives its motors.
+            let mut status = nano.control("status").unwrap();
+            if random >> 40 & 3 > 0 && status["pwm"] != json!([0, 0]) {
+                let mut driven_s = 0.0;
+                while status["pwm"] != json!([0, 0]) {
+                    driven_s = status["seconds"].as_f64().unwrap() - sent_s;
+                    // What the line still held has restarted the deadline.
+                    assert!(driven_s < DEADLINE_S + 0.05, "driven {driven_s} s after a kill");
+                    std::thread::sleep(Duration::from_millis(5));
+                    status = nano.control("status").unwrap();
+                }
+                killed.driven_s.push(driven_s);
+            }
             // The log that was being written has no summary. There is none before the first trial and between two.
             let cut: Vec<_> = logs(&session)
                 .into_iter()
