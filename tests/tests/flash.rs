@@ -1,7 +1,7 @@
 //! Writes the firmware image to the emulated board with avrdude, through Arduino's bootloaders.
 
-use host::run::rig::Image;
-use tests::{Bench, firmware, nano};
+use host::run::rig::{Image, VirtualNano};
+use tests::{Bench, firmware, nano, program};
 
 /// `standalone` flashes through the other bootloader, optiboot, at 115200 bit/s.
 #[test]
@@ -15,6 +15,15 @@ fn flash_with_the_old_bootloader() {
     assert_eq!(flashed["baud"], 57_600);
     assert_eq!(flashed["firmware"], Image::read(&image).unwrap().commit);
     assert_eq!(flashed["protocol"], protocol::VERSION);
+}
+
+/// The chip of newer clones: avrdude first expects an ATmega328P, and writes to it once it is named.
+#[test]
+fn flash_of_an_atmega328pb() {
+    let new = VirtualNano::start(&program("vnano"), ["--bootloader", "optiboot-328pb"]).unwrap();
+    let image = firmware();
+    let run = Bench::new().run(["flash", "--port", new.port(), "--firmware", image.to_str().unwrap()]).expect_code(0);
+    assert!(run.stdout.contains("written at 115200 bit/s to m328pb"), "{run:?}");
 }
 
 /// While avrdude uses the port, another biflag must not open it, because that would reset the board.

@@ -18,6 +18,10 @@ pub enum LinkError {
     #[error("{path} is not a serial port")]
     #[diagnostic(code(wrong_use), help("{}", present(.available)))]
     NotSerial { path: String, available: Vec<String> },
+    /// A board with the chip of another family.
+    #[error("the board on {path} is an Arduino {name}, and the firmware is for an ATmega328P")]
+    #[diagnostic(help("use a Nano or an Uno R3, with an ATmega328P"))]
+    OtherChip { path: String, name: &'static str },
     /// No port was named, and no board is plugged in.
     #[error("No board found. Plug it in or pass --port.")]
     #[diagnostic(code(wrong_use), help("`biflag doctor` checks the cable, the port and the permissions"))]

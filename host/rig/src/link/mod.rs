@@ -29,5 +29,5 @@ pub use clock::{BoardClock, PingClock};
 pub use error::LinkError;
 pub use lock_step::{Advance, SLICE_US};
 pub use monitor::{Arrival, Gap, Monitor};
-pub use port::{choose as choose_port, claim as claim_port, probe as probe_port, robots as robot_ports};
+pub use port::{arduino, choose as choose_port, claim as claim_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Received};

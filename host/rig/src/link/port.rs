@@ -2,7 +2,7 @@
 
 use super::error::LinkError;
 use super::worker::{Disconnected, Line};
-use serialport::{ClearBuffer, SerialPort, SerialPortType};
+use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
@@ -12,15 +12,37 @@ use system::port;
 /// Longest wait for a byte, and so the longest delay of a request.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
+/// Boards with USB ids of their own, and whether they have the chip of the firmware (`boards.txt` of Arduino's cores avr and megaavr).
+/// Other boards, such as a Nano, have those of their converter.
+const ARDUINOS: [(u16, u16, &str, bool); 5] = [
+    (0x2341, 0x0043, "Uno R3", true),
+    (0x2A03, 0x0043, "Uno R3", true),
+    (0x2341, 0x0243, "Uno R3", true),
+    (0x2341, 0x0001, "Uno", true),
+    (0x2341, 0x0058, "Nano Every", false),
+];
+
+fn listed() -> Vec<SerialPortInfo> {
+    // `serialport` panics without the list.
+    if port::are_listed() { serialport::available_ports().unwrap_or_default() } else { Vec::new() }
+}
+
+/// Returns the name of the Arduino on a port, if its USB ids tell it, and whether it has the chip of the firmware.
+pub fn arduino(path: &str) -> Option<(&'static str, bool)> {
+    match listed().into_iter().find(|port| port.port_name == path)?.port_type {
+        SerialPortType::UsbPort(usb) => named(usb.vid, usb.pid),
+        _ => None,
+    }
+}
+
+fn named(vid: u16, pid: u16) -> Option<(&'static str, bool)> {
+    ARDUINOS.into_iter().find(|board| (board.0, board.1) == (vid, pid)).map(|(.., name, fits)| (name, fits))
+}
+
 /// Returns the possible ports of a robot: serial converters on USB.
 pub fn robots() -> Vec<String> {
-    // `serialport` panics without the list.
-    if !port::are_listed() {
-        return Vec::new();
-    }
-    let usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
-    let mut names: Vec<String> = serialport::available_ports()
-        .unwrap_or_default()
+    let usb = |port: &SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
+    let mut names: Vec<String> = listed()
         .into_iter()
         .filter(|port| usb(port) || port.port_name.contains("ttyUSB") || port.port_name.contains("ttyACM"))
         // A Mac's other name of a port, whose opening waits for a carrier.
@@ -51,13 +73,15 @@ fn the_only(mut available: Vec<String>) -> Result<String, LinkError> {
 /// Checks that the path is a serial port that is free and accessible.
 ///
 /// # Errors
-/// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`] or
+/// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`], [`LinkError::OtherChip`] or
 /// [`LinkError::Port`].
 pub fn probe(path: &str) -> Result<(), LinkError> {
-    if port::is_serial(path).map_err(|error| classify(path, error))? {
-        Ok(())
-    } else {
-        Err(LinkError::NotSerial { path: path.to_owned(), available: robots() })
+    let is_serial = port::is_serial(path).map_err(|error| classify(path, error))?;
+    let path_of = || path.to_owned();
+    match arduino(path) {
+        _ if !is_serial => Err(LinkError::NotSerial { path: path_of(), available: robots() }),
+        Some((name, false)) => Err(LinkError::OtherChip { path: path_of(), name }),
+        _ => Ok(()),
     }
 }
 
@@ -145,6 +169,16 @@ mod tests {
         let several = the_only(vec!["/dev/ttyUSB0".into(), "/dev/ttyUSB1".into()]).unwrap_err();
         assert_eq!(several.to_string(), "Several boards found: /dev/ttyUSB0, /dev/ttyUSB1. Pass one with --port.");
         assert!([none, several].iter().all(|error| error.code().unwrap().to_string() == "wrong_use"));
+    }
+
+    #[test]
+    fn boards_are_named_by_their_usb_ids() {
+        assert_eq!(
+            (named(0x2341, 0x0043), named(0x2341, 0x0058)),
+            (Some(("Uno R3", true)), Some(("Nano Every", false)))
+        );
+        // The converters of a Nano and of a clone.
+        assert_eq!((named(0x0403, 0x6001), named(0x1A86, 0x7523)), (None, None));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::check::{Check, Finding, check, problem};
 use crate::commands::settings;
-use crate::link::Link;
+use crate::link::{Link, arduino};
 use crate::plan::board;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{commit_text, fault_log, preflight};
@@ -24,7 +24,8 @@ fn firmware(link: &Link) -> Finding {
     let info @ Info { protocol, board_id, boot_count, reset_cause, ram_left, .. } = link.info();
     let ([major, minor, patch], commit) = (info.firmware, commit_text(info.git_hash, info.git_dirty));
     let board = format!("board {board_id}, start {boot_count} ({reset_cause:?}), {ram_left} bytes of RAM left");
-    let detail = format!("firmware {major}.{minor}.{patch} ({commit}), protocol {protocol}, {board}");
+    let name = arduino(link.path()).map_or_else(String::new, |(name, _)| format!("Arduino {name}, "));
+    let detail = format!("{name}firmware {major}.{minor}.{patch} ({commit}), protocol {protocol}, {board}");
     match (info.imu_id, imu_part(info.imu_id)) {
         (0, _) => Err((
             format!("{detail}, but its IMU does not respond"),
@@ -44,7 +45,7 @@ fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
     let settings = settings::read(link).map_err(problem)?;
     match (settings.board_id, settings::keep(copies, &settings)) {
         (_, Some(note)) => Ok(format!("in its EEPROM; {note}")),
-        (0, None) => Err((
+        (0, None) if copies.is_some() => Err((
             "in its EEPROM, without a board_id, so that this computer cannot keep a copy".to_owned(),
             format!("`biflag settings --new --port {}` gives the board an unused id", link.path()),
         )),
