@@ -26,6 +26,9 @@ const FULL_MS: u16 = 800;
 pub const IDLE_DUTY: i16 = 8;
 const IDLE_MS: u16 = 400;
 
+/// How often the robot is given this time to come to rest before.
+const MOST_WAITS: usize = 60;
+
 /// Turns of a flagellum in that time that are no trembling.
 const IDLE_TURNS: f64 = 0.05;
 
@@ -115,14 +118,19 @@ pub fn run(
 /// # Errors
 /// [`RecordError`] if the board cannot be driven.
 pub fn turns_at_idle(board: &mut impl Drive, settings: &Settings) -> Result<Option<usize>, RecordError> {
+    let per_dps = f64::from(settings.gyro_range.counts_per_dps());
+    let change_dps = |response: &Response| response.gyro.iter().map(|axis| axis * axis).sum::<f64>().sqrt() / per_dps;
+    // A robot that still moves from what was before would look like one that is driven.
+    for _ in 0..MOST_WAITS {
+        if change_dps(&respond(board, 0, 0, IDLE_MS)?) < 0.5 * GYRO_EVIDENCE_DPS {
+            break;
+        }
+    }
     for motor in 0..2 {
         for duty in [IDLE_DUTY, -IDLE_DUTY] {
             let response = respond(board, motor, duty, IDLE_MS)?;
             let counts = f64::from(response.encoders[motor].counts.unsigned_abs());
-            let gyro = response.gyro.iter().map(|axis| axis * axis).sum::<f64>().sqrt();
-            if counts > IDLE_TURNS * f64::from(settings.counts_per_turn)
-                || gyro > GYRO_EVIDENCE_DPS * f64::from(settings.gyro_range.counts_per_dps())
-            {
+            if counts > IDLE_TURNS * f64::from(settings.counts_per_turn) || change_dps(&response) > GYRO_EVIDENCE_DPS {
                 return Ok(Some(motor));
             }
         }

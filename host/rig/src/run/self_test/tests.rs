@@ -150,6 +150,34 @@ fn corrections_make_every_wiring_right() {
     assert_eq!(still, Settings::DEFAULT, "nothing is corrected that does not work");
 }
 
+/// A robot that comes to rest, and turns with its motor 2 at any duty if its bridge is of the other kind.
+struct Restless {
+    rate_dps: f64,
+    is_wrong: bool,
+}
+
+impl Drive for Restless {
+    fn drive(&mut self, motor: usize, duty: i16, duration_ms: u16) -> Result<Driven, RecordError> {
+        let driven_dps = if self.is_wrong && motor == 1 && duty > 0 { 8.0 } else { 0.0 };
+        let mut frames = |count: u16, more_dps: f64| {
+            let frame = |_| {
+                self.rate_dps *= (-0.005_f64).exp();
+                Robot::right().frame(State::Driving, ((self.rate_dps + more_dps) * 131.0) as i16)
+            };
+            (0..count).map(frame).collect()
+        };
+        Ok(Driven { before: frames(20, 0.0), during: frames(duration_ms / 5, driven_dps) })
+    }
+}
+
+#[test]
+fn a_robot_that_comes_to_rest_does_not_look_driven() {
+    for (is_wrong, found) in [(false, None), (true, Some(1))] {
+        let mut robot = Restless { rate_dps: 40.0, is_wrong };
+        assert_eq!(turns_at_idle(&mut robot, &Settings::DEFAULT).unwrap(), found);
+    }
+}
+
 #[test]
 fn moving_duty_has_a_margin_and_a_limit() {
     let test =
