@@ -179,6 +179,59 @@ fn forgotten_settings_are_restored_from_the_copy() {
     );
 }
 
+/// The lines of motors are those of a board's own hardware: its id is not given to another one.
+#[test]
+fn another_board_does_not_take_the_lines_of_a_board() {
+    let bench = Bench::new();
+    let settings = bench.file("board.toml", "board_id = 7\nspeed_from = \"duty\"\n");
+    let write = |port: &str| bench.run(["settings", "--write", settings.to_str().unwrap(), "--port", port]);
+    let first = nano(["--speed", "max"]);
+    write(first.port()).expect_code(0);
+    let boards = bench.path().join("config/biflag/boards");
+    std::fs::write(boards.join("7.lines.toml"), LINES).unwrap();
+    write(first.port()).expect_code(0);
+    let second = nano(["--speed", "max"]);
+    let words = ["board_id = 7 is that of another board", "settings --new", "--restore"];
+    expect_error(&write(second.port()), 2, &words);
+    let restore = |port: &str| bench.run(["settings", "--restore", "7", "--port", port, "--json"]);
+    expect_error(&restore(second.port()), 2, &words);
+    let kept = bench.run(["settings", "--port", second.port(), "--json"]).json();
+    assert_eq!((&kept["board_id"], &kept["speed_from"]), (&1.into(), &"encoders".into()));
+    // One that has lost its settings may be the same.
+    let blank = bare_nano(["--speed", "max"]);
+    let restored = restore(blank.port()).expect_code(0);
+    assert!(
+        restored.stderr.contains("the lines of its motors are those") && restored.json()["board_id"] == 7,
+        "{restored:?}"
+    );
+    // A plan's own id changes nothing: the board is asked.
+    let plan = bench.short_plan(1.0, [30.0, 0.0]);
+    let text = std::fs::read_to_string(&plan).unwrap().replace("[board]", "[board]\nboard_id = 7");
+    std::fs::write(&plan, text).unwrap();
+    let settings = bench.file("duty.toml", "speed_from = \"duty\"\n");
+    bench.run(["settings", "--write", settings.to_str().unwrap(), "--port", second.port()]).expect_code(0);
+    expect_error(
+        &bench.run(["record", plan.to_str().unwrap(), "--port", second.port()]),
+        1,
+        &["not known", "doctor --motors"],
+    );
+}
+
+const LINES: &str = "supply_v = 5.0\n[wiring]\nbridge = \"enable\"\nmotor_reversed = [false, false]\n\
+    [[motor]]\nforwards = [{ duty = 60, speed_rpm = 20.0 }, { duty = 200, speed_rpm = 90.0 }]\nbackwards = []\n\
+    [[motor]]\nforwards = []\nbackwards = []\n";
+
+/// What the self-test mends is no problem: the id of a board that has settings and none.
+#[test]
+fn self_test_gives_a_board_its_id() {
+    let bench = Bench::new();
+    let nano = bare_nano(["--speed", "max", "--rig", "in-in"]);
+    let report = bench.run(["doctor", "--motors", "--yes", "--port", nano.port(), "--json"]).expect_code(0).json();
+    expect(&report, "settings", true, &["saved ", "this is board 1"]);
+    assert!(report["checks"].as_array().unwrap().iter().all(|check| check["ok"] == true), "{report}");
+    assert_eq!(bench.run(["settings", "--port", nano.port(), "--json"]).json()["bridge"], "in-in");
+}
+
 fn calibrated_plan(bench: &Bench, trials: &str) -> String {
     let text = format!(
         "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 2\npreroll = 0\nrest_at_most = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = [{trials}]\n"

@@ -1,6 +1,6 @@
 //! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
-use super::answer::{Answer, Outcome, WRONG_USE};
+use super::answer::{Answer, Outcome, WRONG_USE, wrong_use};
 use super::ask::ask;
 use super::options::volts;
 use super::virtual_board;
@@ -41,6 +41,12 @@ pub struct Args {
     supply: Option<f64>,
 }
 
+/// What to do about an id that another board has, and about lines of motors that came with an id.
+const TWICE: &str = "leave board_id out of the file, or give the board an unused id with `biflag settings --new`; if it is that board \
+                     and has lost its settings, `biflag settings --restore ID` gives them back";
+const SAME_MOTORS: &str = "the lines of its motors are those that were measured on that board: if its motors, bridge or supply are \
+                           others now, measure them again with `biflag doctor --motors`";
+
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let copies = if args.r#virtual { None } else { BoardCopies::of_user() };
     let change = match (&args.write, args.restore) {
@@ -60,7 +66,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         if let Some(volts) = meter(args, &interrupted)? {
             wanted.bandgap = reference(&link, settings.bandgap, volts, &interrupted)?;
         }
+        let is_other = wanted.board_id != settings.board_id;
+        // Those of another board would be taken for this one's, unless it has lost its settings and may be that board.
+        let takes_lines = is_other && copies.as_ref().is_some_and(|copies| copies.lines(wanted.board_id).is_some());
+        if takes_lines && (args.restore.is_none() || link.info().settings_stored) {
+            return Err(wrong_use(
+                format!("board_id = {} is that of another board, with the lines of its motors", wanted.board_id),
+                TWICE,
+            ));
+        }
         (settings, notes) = save(&link, wanted, copies.as_ref())?;
+        notes.extend(takes_lines.then(|| SAME_MOTORS.to_owned()));
     } else if link.info().settings_stored {
         notes.extend(keep(copies.as_ref(), &settings));
     } else {

@@ -78,7 +78,7 @@ pub enum RecordError {
     /// No lines of the motors are known.
     #[error("how fast these motors turn at which duty is not known, and they have no encoders (speed_from = \"duty\")")]
     #[diagnostic(help(
-        "measure it, with the robot in its liquid, by `biflag doctor --motors`; it takes some nine minutes"
+        "measure it, with the robot in its liquid, by `biflag doctor --motors`; it takes nine to thirteen minutes"
     ))]
     NoLines,
     /// The link failed.

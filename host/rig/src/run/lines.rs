@@ -3,27 +3,32 @@
 
 use super::error::RecordError;
 use super::stream;
-use crate::link::Link;
+use crate::link::{Link, LinkError};
 use protocol::units::{CentiRpm, Micros};
-use protocol::{Command, Fault, Reply, SetPoint, Settings, TICK_HZ, Telemetry};
+use protocol::{Command, Fault, Refusal, Reply, SetPoint, Settings, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;
 use study::attitude::{Columns, Euler, Unwrap, rotation};
 use study::plan::line::{Line, LinePoint, Lines};
 use study::swing::{NO_LINE, speed_alone};
 
-/// Duties at first, and how often the lowest one at which a motor turns is then halved towards the highest one at which it stands:
-/// the line is steep where it begins.
+/// Duties at first.
 const DUTIES: [u8; 5] = [60, 75, 95, 130, 200];
 /// How many of them come first: a motor that stands at all of them is not tried at the last, which its winding would not bear.
 const SAFE: usize = 4;
+
+/// How often the lowest duty at which a motor turns is then halved towards the highest one at which it stands, because the line is
+/// steep where it begins: at least, and at most where it still turns faster than this there, rpm.
 const HALVINGS: u32 = 2;
+const MOST_HALVINGS: u32 = 5;
+const SLOW_RPM: f64 = 12.0;
 
 /// Time until the motion at a duty has settled, and the time that is measured, s.
 const SETTLING_S: u32 = 6;
 const MEASURED_S: u32 = 13;
 
-/// Time for the request that starts a schedule, µs.
+/// Time for the request that starts a schedule, µs. It is doubled if it was too short, as for a trial.
 const LEAD_US: u32 = 200_000;
+const MAX_LEAD_US: u32 = 20_000_000;
 
 /// Speed at full duty by which set-points state speeds, rpm. The board takes the sense from them and reports them; it applies the duty.
 const AT_FULL_RPM: f64 = 130.0;
@@ -60,8 +65,8 @@ pub fn measure(
     let mut half = |motor: usize, sense: i16| {
         let which = if sense > 0 { "forwards" } else { "backwards" };
         let done = 2 * motor as u32 + u32::from(sense < 0);
-        let left_s = (4 - done) * (DUTIES.len() as u32 + HALVINGS) * (SETTLING_S + MEASURED_S);
-        progress(&format!("measuring motor {} {which}; {} minutes left", motor + 1, left_s.div_ceil(60)));
+        let left_s = (4 - done) * (DUTIES.len() as u32 + MOST_HALVINGS) * (SETTLING_S + MEASURED_S);
+        progress(&format!("measuring motor {} {which}; at most {} minutes left", motor + 1, left_s.div_ceil(60)));
         Half { link, interrupted, motor, sense }.measure()
     };
     stream::with_motors(link, || {
@@ -114,7 +119,10 @@ impl Half<'_> {
             }
         }
         let mut turns = points[0].0;
-        for _ in 0..HALVINGS {
+        for halved in 0..MOST_HALVINGS {
+            if turns - stands < 2 || halved >= HALVINGS && points[0].1.abs() < SLOW_RPM {
+                break;
+            }
             let duty = stands.midpoint(turns);
             match self.speed(&self.turn(&[duty])?, 1, duty) {
                 Ok(Some(rpm)) => {
@@ -148,11 +156,18 @@ impl Half<'_> {
         for (index, point) in (0..).zip(&points) {
             self.link.command(Command::SetPoint { index, point: *point })?;
         }
-        let now = match self.link.ask(Command::Ping)? {
-            Reply::Pong(now) => now,
-            other => return Err(self.link.wrong_answer(&Command::Ping, &other).into()),
-        };
-        self.link.command(Command::StartSchedule { count: last + 1, at: Micros(now.0.wrapping_add(LEAD_US)) })?;
+        let mut lead_us = LEAD_US;
+        loop {
+            let now = match self.link.ask(Command::Ping)? {
+                Reply::Pong(now) => now,
+                other => return Err(self.link.wrong_answer(&Command::Ping, &other).into()),
+            };
+            let at = Micros(now.0.wrapping_add(lead_us));
+            match self.link.command(Command::StartSchedule { count: last + 1, at }) {
+                Err(LinkError::Refused { refusal: Refusal::NotASchedule, .. }) if lead_us < MAX_LEAD_US => lead_us *= 2,
+                started => break started?,
+            }
+        }
         let mut frames: Vec<Telemetry> = Vec::new();
         loop {
             let frame = stream::next_frame(self.link, self.interrupted)?;

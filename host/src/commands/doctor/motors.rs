@@ -76,11 +76,11 @@ fn test(
         preflight::settings(&link, copies)?;
     }
     let mut checks: Vec<Check> = board::checks(&link, copies).into();
-    if is_new {
-        // This test is what the board's check asks for.
+    let settings = settings::read(&link)?;
+    if is_new || settings.board_id == 0 {
+        // This test does what the board's check asks for.
         checks.remove(1);
     }
-    let settings = settings::read(&link)?;
     preflight::supply(&link, interrupted)?;
     let mut board = Board { link: &link, interrupted };
     if let Some(motor) = self_test::turns_at_idle(&mut board, &settings)? {
@@ -156,12 +156,14 @@ fn lines(
             let all = points.iter().map(|point| format!("{:.1} at {}", point.speed_rpm, point.duty));
             all.collect::<Vec<_>>().join(", ")
         };
-        let detail = format!("rpm at a duty, forwards: {}; backwards: {}", half(&line.forwards), half(&line.backwards));
+        let [forwards, backwards] = [&line.forwards, &line.backwards].map(|points| half(points));
+        let detail = format!("turns at {line}; rpm at a duty, forwards: {forwards}; backwards: {backwards}");
         checks.push(check(format!("motor {}", motor + 1), Ok(detail)));
     }
     checks.extend(save(args, board, copies, (settings, wanted))?);
-    if let Some(copies) = copies {
-        let board_id = settings::read(board.link)?.board_id;
+    let board_id = settings::read(board.link)?.board_id;
+    // Any board without an id would take them.
+    if let Some(copies) = copies.filter(|_| board_id != 0) {
         let kept = copies.keep_lines(board_id, &lines).map_err(|error| {
             (format!("not kept: {error}"), "make room for the user's settings, then test again".to_owned())
         });
@@ -287,7 +289,8 @@ fn save(
     (before, wanted): (Settings, Settings),
 ) -> Result<Option<Check>, RecordError> {
     let changes = changes(&before, &wanted);
-    if changes.is_empty() && board.link.info().settings_stored {
+    let is_named = before.board_id != 0 || copies.is_none();
+    if changes.is_empty() && board.link.info().settings_stored && is_named {
         return Ok(None);
     }
     let what = match changes.as_slice() {

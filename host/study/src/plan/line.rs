@@ -8,6 +8,8 @@ use miette::Diagnostic;
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::ops::RangeInclusive;
 use thiserror::Error;
 
 /// A point of a line: the duty, out of 255, and the speed without its sign.
@@ -46,7 +48,8 @@ pub struct Lines {
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("motor {motor} turns at {} to {} rpm by its line, and {wanted_rpm} are planned", .from_rpm.ceil(), .to_rpm.floor())]
 #[diagnostic(help(
-    "plan other speeds, or change the supply of the motors and measure them again with `biflag doctor --motors`"
+    "plan other speeds: motor 1 turns at {}, motor 2 at {}; or change the supply of the motors and measure them again with `biflag doctor --motors`",
+    .ranges[0], .ranges[1]
 ))]
 pub struct OffTheLine {
     /// 1 or 2.
@@ -57,7 +60,13 @@ pub struct OffTheLine {
     pub from_rpm: f64,
     /// The largest one.
     pub to_rpm: f64,
+    /// All speeds of motors 1 and 2.
+    pub ranges: [String; 2],
 }
+
+/// The shares of its line that a motor is followed to. What a larger one would make of the other speeds is not known: slow motors on
+/// the steep part of their lines lose more.
+const MOST_SAG: RangeInclusive<f64> = 0.85..=1.15;
 
 /// Share of the lowest measured speed from which on a duty is told.
 const LOWEST: f64 = 0.8;
@@ -76,9 +85,20 @@ impl Lines {
                 wanted_rpm,
                 from_rpm,
                 to_rpm,
+                ranges: self.motor.each_ref().map(Line::to_string),
             })?;
         }
         Ok(duties)
+    }
+
+    /// Corrects the lines by the speeds at which motors turned that were to turn at `speeds`: those of a battery sag.
+    pub fn follow(&mut self, speeds: [CentiRpm; 2], turned_rpm: [f64; 2]) {
+        for (motor, line) in self.motor.iter_mut().enumerate() {
+            let share = turned_rpm[motor] / speeds[motor].rpm();
+            if MOST_SAG.contains(&share) {
+                line.forwards.iter_mut().chain(&mut line.backwards).for_each(|point| point.speed_rpm *= share);
+            }
+        }
     }
 
     /// Returns the settings for which the lines of a board with these settings hold.
@@ -103,14 +123,26 @@ impl Line {
         let (Some(low), Some(high)) = (points.get(at - 1), points.get(at)) else { return Err([0.0; 2]) };
         let slope = f64::from(high.duty - low.duty) / (high.speed_rpm - low.speed_rpm);
         let duty = f64::from(low.duty) + (wanted - low.speed_rpm) * slope;
-        let full = f64::from(u8::MAX);
-        let lowest = LOWEST * points.iter().map(|point| point.speed_rpm).find(|rpm| *rpm > 0.0).unwrap_or_default();
-        if duty > full || wanted < lowest {
-            let last = &points[points.len().saturating_sub(2)..];
-            let rise = (last[1].speed_rpm - last[0].speed_rpm) / f64::from(last[1].duty - last[0].duty);
-            return Err([lowest, last[1].speed_rpm + (full - f64::from(last[1].duty)) * rise]);
-        }
-        Ok(duty.round().max(1.0) as u8)
+        let range = range_rpm(points);
+        if duty > f64::from(u8::MAX) || wanted < range[0] { Err(range) } else { Ok(duty.round().max(1.0) as u8) }
+    }
+}
+
+/// Returns the slowest and the fastest speed that points of one sense tell, rpm.
+fn range_rpm(points: &[LinePoint]) -> [f64; 2] {
+    let [.., before, last] = points else { return [0.0; 2] };
+    let lowest = LOWEST * points.iter().map(|point| point.speed_rpm).find(|rpm| *rpm > 0.0).unwrap_or_default();
+    let rise = (last.speed_rpm - before.speed_rpm) / f64::from(last.duty - before.duty);
+    [lowest, last.speed_rpm + f64::from(u8::MAX - last.duty) * rise]
+}
+
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [forwards, backwards] = [&self.forwards, &self.backwards].map(|points| {
+            let [from, to] = range_rpm(points);
+            format!("{} to {} rpm", from.ceil(), to.floor())
+        });
+        write!(f, "{forwards} forwards and {backwards} backwards")
     }
 }
 
@@ -136,8 +168,20 @@ mod tests {
         assert_eq!(duties(110.0, -66.0), Ok([220, 220]), "along the highest part");
         let error = duties(20.0, -80.0).unwrap_err();
         assert_eq!(error.to_string(), "motor 2 turns at 8 to 76 rpm by its line, and -80 are planned");
+        assert_eq!(error.ranges, ["16 to 127 rpm forwards and 8 to 76 rpm backwards"; 2]);
         assert!(duties(15.0, 30.0).is_err(), "it may stand");
         assert!(Lines::default().duties([CentiRpm(1), CentiRpm(0)]).is_err(), "nothing was measured");
+    }
+
+    #[test]
+    fn lines_follow_the_speeds_of_the_last_trial() {
+        let asked = |one: f64, two: f64| [one, two].map(CentiRpm::from_rpm);
+        let mut lines = lines();
+        // Motor 2 stood.
+        lines.follow(asked(50.0, -30.0), [45.0, 0.5]);
+        assert_eq!(lines.duties(asked(45.0, -30.0)), Ok([100, 100]));
+        lines.follow(asked(45.0, 0.0), [50.0, 0.0]);
+        assert_eq!(lines, super::tests::lines(), "and back");
     }
 
     #[test]

@@ -138,14 +138,19 @@ pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, 
     let motion = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
     let fitter = Fitter::new(&motion);
     let found = fitter.strongest(SHAKING, FASTEST_ALONE_HZ);
-    let fitter = fitter.without_shaking(&found);
+    let mut fitter = fitter.without_shaking(&found);
     let seen = fitter.strongest(1, FASTEST_ALONE_HZ).first().copied().ok_or(NO_LINE)?;
-    let mut fit = fitter.refined([seen, 0.0], [1.0 / motion.length_s, 0.0], STEPS).ok_or(TOUCH)?;
+    let reach = [1.0 / motion.length_s, 0.0];
+    let mut fit = fitter.refined([seen, 0.0], reach, STEPS).ok_or(TOUCH)?;
+    for _ in 0..FOLLOWED {
+        fitter = fitter.following(&fit, (motion.length_s / FOLLOWED_S) as usize);
+        fit = fitter.refined(fit.hz, reach, STEPS).ok_or(TOUCH)?;
+    }
     let line = *fit.motor(0).ok_or(NO_LINE)?;
     if size(line.opposite) > size(line.turns) {
         fit = fit.read([-1.0, 1.0], false);
     }
-    let rpm = fit.hz[0] * 60.0;
+    let rpm = fit.hz[0] * fitter.rate() * 60.0;
     let [turns, opposite] = [size(line.turns), size(line.opposite)];
     if turns.max(opposite) < LEAST_LINE * in_plane_dps(rpm.abs()) {
         return Err(NO_LINE);
