@@ -356,6 +356,13 @@ fn the_page_in_the_browser_follows_the_robot_and_stops_it() {
             && browser.text("[data-out=phase]") == "run"
             && browser.number("[data-out='motors speed1 1']") > Some(15.0)
     });
+    let write = "const field = document.querySelector('.note'); field.value = 'stirred'; field.dispatchEvent(new Event('change'))";
+    browser.evaluate(write);
+    wait_until("the note is at its time", || {
+        browser
+            .evaluate("document.querySelector('.ribbon .events')?.textContent?.includes('operator: stirred') ?? false")
+            == true
+    });
     let before = browser.evaluate("document.querySelector('.scene canvas').toDataURL()");
     wait_until("the robot moves", || browser.evaluate("document.querySelector('.scene canvas').toDataURL()") != before);
     browser.click(".stop");
@@ -363,6 +370,9 @@ fn the_page_in_the_browser_follows_the_robot_and_stops_it() {
     let pictures = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures");
     browser.picture(&pictures.join("recording.png"));
     Run::of(recording).expect_code(130);
+    let noted = |log: &PathBuf| bench.run(["info", log.to_str().unwrap(), "--json"]).json()["notes"].clone();
+    let notes: Vec<_> = tests::logs(&bench.path().join("session")).iter().map(noted).collect();
+    assert_eq!(notes.iter().filter(|notes| notes[0]["text"] == "stirred").count(), 1, "{notes:?}");
     assert_eq!(browser.inaccessible(), [""; 0]);
     assert!(browser.problems.is_empty(), "{:?}", browser.problems);
     assert!(browser.requests.iter().all(|request| request.starts_with(&url)), "{:?}", browser.requests);

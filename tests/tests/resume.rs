@@ -217,6 +217,13 @@ fn session_is_resumed_only_on_the_same_rig() {
     bench.run(record(&plan, first.port(), &[])).expect_code(3);
     let run = bench.run(["simulate", plan.to_str().unwrap(), "--out", "session", "--resume"]).expect_code(2);
     assert!(run.stderr.contains("its trials ran on the rig"), "{run:?}");
+    // Another rig is refused before its motors are measured.
+    let emulated = |more: &[&str]| {
+        bench.run([&["record", plan.to_str().unwrap(), "--virtual", "--out", "emulated"], more].concat())
+    };
+    emulated(&[]).expect_code(3);
+    let run = emulated(&["--resume", "--rig", "duty"]).expect_code(2);
+    assert!(run.stderr.contains("speed_from = \"duty\"") && !run.stderr.contains("measuring"), "{run:?}");
     let settings = bench.file("board.toml", "board_id = 7\n");
     bench.run(["settings", "--port", first.port(), "--write", settings.to_str().unwrap()]).expect_code(0);
     let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);

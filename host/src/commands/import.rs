@@ -44,6 +44,10 @@ pub struct Args {
     /// robot, speeds and run are those of the recording: the table is a second source of its angles.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["speeds", "run", "robot"])]
     trial: Option<PathBuf>,
+    /// When the LED of the board (D13), which is lit while a motor is on, came on and went off in the pictures of a camera, in seconds by
+    /// the table's clock: the clock is found by it instead of the yaw.
+    #[arg(long, value_name = "ON,OFF", value_parser = span, allow_hyphen_values = true, requires = "trial")]
+    sync: Option<[f64; 2]>,
     /// Speeds of flagella 1 and 2 in rpm; by default those of the columns w1, w2, or of turns1, turns2.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true)]
     speeds: Option<[CentiRpm; 2]>,
@@ -99,7 +103,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut beside = None;
     if let Some(log) = &args.trial {
         let recording = Judged::read(log, Want { hash: true, ..Want::default() })?;
-        let (put, found) = Beside::put(states, &recording, &table)?;
+        let (put, found) = Beside::put(states, &recording, &table, args.sync)?;
         (states, beside) = (put, Some(found));
         conditions = conditions.of_recording(&recording.data, &states, &table)?;
     }

@@ -55,6 +55,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "angle_deg": records.board.as_ref().and_then(|board| board.angle_deg),
         "angles": angles,
         "budget": budget_of(angles.as_ref()),
+        "notes": data.notes().map(|(time_s, text)| json!({ "time_s": time_s, "text": text })).collect::<Vec<_>>(),
         "findings": findings,
         "not_judged": not_judged,
         "model": records.model,
@@ -160,6 +161,8 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
         let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
         lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
     }
+    let notes: Vec<_> = data.notes().map(|(time_s, text)| format!("{time_s:.2} s: {text}")).collect();
+    lines.add("notes", notes.join("\n"));
     let counts: Vec<_> = data.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     lines.add("channels", counts.join(", "));
     lines.add("ended", records.summary.as_ref().map_or_else(|| "without a summary".to_owned(), ending));

@@ -5,7 +5,7 @@
 //! | --- | --- | --- |
 //! | [`signals`] | whether the user wants the program to end | a signal is never known to be ignored |
 //! | [`children`] | how a program starts, and ends with all that it has started | it never seems to be held up |
-//! | [`shell`] | how a user's command runs, and is shown | yes |
+//! | [`shell`], [`terminal`] | how a user's command runs, and is shown; what the user types meanwhile | yes |
 //! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | neither holder nor meddlers |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
 //! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that keep no reader away | yes |
@@ -21,7 +21,7 @@ pub mod signals;
 #[cfg_attr(windows, path = "windows/mod.rs")]
 mod own;
 
-pub use own::{avrdude, claim, clock, disk, file, folders, lock, port};
+pub use own::{avrdude, claim, clock, disk, file, folders, lock, port, terminal};
 
 #[cfg(test)]
 mod tests {

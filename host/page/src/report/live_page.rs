@@ -28,6 +28,7 @@ pub fn live_page(plan: &Plan, trials: usize) -> String {
             section.trial #trial data-data="trial-data" data-waiting="Waiting for the board" {
                 nav.tools aria-label="Recording" {
                     span.now role="status" { "Recording" }
+                    input.note type="text" maxlength="200" placeholder="Note, Enter" aria-label="Note for the log of the trial that runs";
                     button.stop type="button" { "Stop" }
                 }
                 h1 { "Waiting for the board" }

@@ -25,7 +25,7 @@ pub(super) fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
     Some((event.time_s, kind, clip(&event.text, 80)))
 }
 
-/// Returns the named events of a trial in the order of time: faults, warnings, lost frames, reversals, and the first contact.
+/// Returns the named events of a trial in the order of time: faults, warnings, lost frames, reversals, notes of the user, and the first contact.
 /// `bundling`: when the flagella begin to be apart, in touch or bundled.
 pub(super) fn named(data: &Data, bundling: &[(f64, Bundling)]) -> Vec<Named> {
     let mut all: Vec<Named> =
@@ -36,6 +36,7 @@ pub(super) fn named(data: &Data, bundling: &[(f64, Bundling)]) -> Vec<Named> {
         let event = data.events.iter().find(|event| event.text.starts_with(&name))?;
         Some((event.time_s, "reversal", name))
     }));
+    all.extend(data.notes().map(|(time_s, text)| (time_s, "note", clip(text, 80))));
     if data.is_recorded() {
         all.extend(losses(&data.link_seconds));
     }

@@ -6,7 +6,7 @@
 
 use super::error::LiveError;
 use super::feed::Feed;
-use std::io;
+use std::io::{self, Read};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +18,9 @@ use tiny_http::{Header, Method, Request, Response, Server};
 /// A page counts as open if it has requested updates within this time. Pages do so four times a second; on a busy computer
 /// seconds may lie between, and whoever stops the motors on a page must see that they are off.
 const ASKS_WITHIN: Duration = Duration::from_secs(10);
+
+/// The longest note that a page may send, bytes.
+const LONGEST_NOTE: u64 = 1000;
 
 /// The server of the page. Dropping it releases the port.
 pub struct Browser {
@@ -101,7 +104,7 @@ impl std::fmt::Debug for Browser {
 }
 
 impl Door {
-    fn answer(&self, request: Request) -> io::Result<()> {
+    fn answer(&self, mut request: Request) -> io::Result<()> {
         let value = |name: &'static str| {
             let header = request.headers().iter().find(|header| header.field.equiv(name));
             header.map(|header| header.value.as_str().to_owned())
@@ -128,6 +131,12 @@ impl Door {
                 *study::lock::lock(&self.asked) = Some(Instant::now());
                 self.told.fetch_or(is_last && answered.is_ok(), Ordering::Relaxed);
                 answered
+            }
+            (Method::Post, "/note") => {
+                let mut text = String::new();
+                request.as_reader().take(LONGEST_NOTE).read_to_string(&mut text)?;
+                study::lock::lock(&self.feed.notes).push(text);
+                request.respond(kept_private("noted\n", "text/plain"))
             }
             (Method::Post, "/stop") => {
                 self.stop.store(true, Ordering::Relaxed);
@@ -191,6 +200,10 @@ mod tests {
         feed.begin("first", 30.0);
         let news = ask(&browser, "GET", &path("news?trial=1&have=0"), &host);
         assert!(news.contains(r#""name":"first""#) && news.contains(r#""ended":null"#), "{news}");
+        assert!(refused(ask(&browser, "POST", &path("note"), "Host: evil.example\r\n")));
+        assert!(study::lock::lock(&feed.notes).is_empty());
+        assert!(ask(&browser, "POST", &path("note"), &host).starts_with("HTTP/1.1 200"));
+        assert_eq!(*study::lock::lock(&feed.notes), [""]);
         let own = format!("{host}Origin: http://{}\r\n", browser.address);
         assert!(ask(&browser, "POST", &path("stop"), &own).starts_with("HTTP/1.1 200"));
         assert!(stop.load(Ordering::Relaxed));

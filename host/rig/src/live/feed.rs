@@ -1,5 +1,6 @@
 //! The updates of a recording for a page in a browser: the running trial twenty times a second, and the session so far.
 
+use crate::run::Notes;
 use biflag_log::Tap;
 use biflag_log::schema::biflag::{Event, Telemetry, event::Kind};
 use biflag_log::schema::foxglove::FrameTransform;
@@ -10,6 +11,7 @@ use serde_json::{Value, json};
 use std::sync::{Arc, Mutex};
 use study::attitude::{Euler, Unwrap, rotation};
 use study::lock::lock;
+use study::trial::OPERATOR;
 
 /// Frames of the board for each row.
 const FRAMES_A_ROW: u32 = TICK_HZ as u32 / 20;
@@ -19,7 +21,11 @@ const COLUMNS: usize = 10;
 
 /// The data for the page. Clones share it.
 #[derive(Clone, Default)]
-pub struct Feed(Arc<Mutex<State>>);
+pub struct Feed {
+    state: Arc<Mutex<State>>,
+    /// What the user writes on the page.
+    pub notes: Notes,
+}
 
 #[derive(Default)]
 struct State {
@@ -56,7 +62,7 @@ struct Trial {
 impl Feed {
     /// Starts a trial.
     pub fn begin(&self, name: &str, planned_s: f64) {
-        let mut state = lock(&self.0);
+        let mut state = lock(&self.state);
         let number = state.trial.number + 1;
         state.trial = Trial { number, name: name.to_owned(), planned_s, ..Trial::default() };
         state.rows.clear();
@@ -65,24 +71,24 @@ impl Feed {
 
     /// Shows the trials of the session.
     pub fn session(&self, session: Value) {
-        lock(&self.0).session = session;
+        lock(&self.state).session = session;
     }
 
     /// Ends the recording.
     pub fn end(&self, words: &str) {
-        lock(&self.0).ended = Some(words.to_owned());
+        lock(&self.state).ended = Some(words.to_owned());
     }
 
     /// Returns a tap that receives the messages of a log.
     pub fn tap(&self) -> Tap {
         let feed = self.clone();
-        Box::new(move |channel, _, bytes| lock(&feed.0).message(channel, bytes))
+        Box::new(move |channel, _, bytes| lock(&feed.state).message(channel, bytes))
     }
 
     /// Returns everything that a page does not have yet: the rows of the running trial after the first `have`, or all
     /// rows if the page has another trial.
     pub fn news(&self, trial: u32, have: usize) -> Value {
-        let state = lock(&self.0);
+        let state = lock(&self.state);
         let have = if trial == state.trial.number { have.min(state.rows.len()) } else { 0 };
         json!({
             "trial": state.trial,
@@ -136,6 +142,7 @@ impl State {
             }
             Kind::Fault => "fault",
             Kind::Warning => "warning",
+            Kind::Note if event.text.starts_with(OPERATOR) => "note",
             Kind::Note | Kind::State | Kind::Retry | Kind::Calibration | Kind::Clock => return,
         };
         // A serial line that is bad for an hour should not fill the page.

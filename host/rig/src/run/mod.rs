@@ -31,5 +31,5 @@ pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_of_image, commit_text, repository};
 pub use simulated::SimulatedRobot;
 pub use steer::{SteeredRun, steer};
-pub use trial::{RigRun, RunContext, run};
+pub use trial::{Notes, RigRun, RunContext, run};
 pub use virtual_nano::{HandMovement, VirtualError, VirtualNano};

@@ -12,6 +12,7 @@ use protocol::units::CentiRpm;
 use protocol::{Calibration, Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 use study::plan::line::Lines;
 use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
@@ -52,12 +53,18 @@ pub struct RunContext<'a> {
     pub robot: Option<&'a SimulatedRobot>,
     /// The lines of motors without encoders.
     pub lines: Option<&'a Lines>,
+    /// Notes of the user that are not in the log yet.
+    pub typed: Notes,
 }
+
+/// Notes of the user on their way into the log of the trial that runs, from the terminal and from the page.
+pub type Notes = Arc<Mutex<Vec<String>>>;
 
 impl<'a> RunContext<'a> {
     /// Returns the context of a robot with encoders on a rig, without viewers.
     pub fn new(link: &'a Link, progress: &'a Progress, interrupted: &'a AtomicBool) -> Self {
-        Self { link, progress, interrupted, tap: None, player: None, robot: None, lines: None }
+        let typed = Notes::default();
+        Self { link, progress, interrupted, tap: None, player: None, robot: None, lines: None, typed }
     }
 }
 
@@ -94,6 +101,7 @@ pub(super) fn record(
     }
     let truth = context.robot.map(TruthRecorder::new);
     let mut recorder = Recorder::new(context.link, kept, settings, context.interrupted, truth);
+    recorder.typed = Notes::clone(&context.typed);
     let phases = phases(&mut recorder, context);
     // After a failed write, further writes to the log fail as well.
     let writable = !matches!(phases, Err(RecordError::Log(_)));

@@ -15,7 +15,7 @@ use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{
-    self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, lines, park, preflight,
+    self, Notes, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, lines, park, preflight,
 };
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
@@ -30,6 +30,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
+use study::lock::lock;
 use system::shell;
 use viewers::Viewers;
 
@@ -37,6 +38,8 @@ use viewers::Viewers;
 const CALIBRATIONS: usize = 3;
 
 /// Run the trials of a plan, or one pair of speeds, on the rig and write a log of each.
+///
+/// In a terminal, n, a text and Enter write a note with its time into the log of the trial that runs.
 #[derive(clap::Args, Debug)]
 #[command(
     override_usage = "biflag record [OPTIONS] <PLAN>\n       biflag record [OPTIONS] --speeds <W1,W2> [--run <S>]",
@@ -124,30 +127,44 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
-    let Connected { link, mut player, robot, lines, notes } = match connect(args, &mut plan, &interrupted) {
-        Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
-            return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted");
-        }
+    let interrupted_early = || Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted");
+    let Connected { link, mut player, robot, notes } = match connect(args, &mut plan, &interrupted) {
+        Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => return interrupted_early(),
         connected => connected?,
     };
-    // This comes last, so that no folder is created if the board does not respond.
-    let session = match args.resume {
-        true => Session::resume(&folder, &plan)?,
-        false => Session::create(&folder, &plan)?,
-    };
-
-    let _lock = session.lock(Sharing::Alone)?;
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
-    let states = session.checked_states()?;
     let board = board::to_log(link.info(), &settings::read(&link)?);
-    let note = session.expect_same_rig(&states, origin, Some(&board), robot.as_ref().map(|robot| &robot.sensor))?;
+    let open = || -> miette::Result<_> {
+        let session = match args.resume {
+            true => Session::resume(&folder, &plan)?,
+            false => Session::create(&folder, &plan)?,
+        };
+        let lock = session.lock(Sharing::Alone)?;
+        let states = session.checked_states()?;
+        let note = session.expect_same_rig(&states, origin, Some(&board), robot.as_ref().map(|robot| &robot.sensor))?;
+        Ok((session, lock, states, note))
+    };
+    // What a session refuses comes before any motor turns; a new one comes last, so that no folder is left of a plan that is refused.
+    let known = folder.join(MANIFEST).exists().then(&open).transpose()?;
+    let is_done = |states: &[TrialState]| states.iter().all(|state| state.complete().is_some());
+    let is_done = known.as_ref().is_some_and(|(_, _, states, _)| is_done(states));
+    let lines = match if is_done { Ok(None) } else { lines(args, &plan, &link, &interrupted) } {
+        Err(RecordError::Interrupted) => return interrupted_early(),
+        lines => lines?,
+    };
+    let (session, _lock, states, note) = known.map_or_else(open, Ok)?;
 
     let trials = states.iter().map(|state| state.trial.clone()).collect();
-    let viewers = Viewers::new(live, args.open, &plan, trials, &interrupted)?;
+    let typed = Notes::default();
+    let viewers = Viewers::new(live, args.open, &plan, trials, &typed, &interrupted)?;
+    let into = Notes::clone(&typed);
+    // `n` alone, or with a text.
+    let text = |line: &str| format!("{line} ").strip_prefix("n ").map(|text| text.trim().to_owned());
+    system::terminal::hear(move |line| lock(&into).extend(text(line)));
     let (mut recorded, todo) = Recorded::of(folder, states)?;
     let outcome = recorded.outcome();
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    let rig = Rig { link, interrupted: &interrupted, robot, lines, session, plan, origin, viewers };
+    let rig = Rig { link, interrupted: &interrupted, robot, lines, typed, session, plan, origin, viewers };
     begin(&todo, origin).iter().for_each(|begin| progress.line(begin));
     note.into_iter().chain(notes).for_each(|note| progress.line(&format!("note: {note}")));
     rig.say_what_is_known(board.angle_deg.is_some(), &recorded, &progress);
@@ -185,7 +202,6 @@ struct Connected {
     link: Link,
     player: Option<VirtualNano>,
     robot: Option<SimulatedRobot>,
-    lines: Option<Lines>,
     notes: Vec<String>,
 }
 
@@ -201,11 +217,11 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
     let note_of_copy = if args.r#virtual.is_some() { None } else { check_settings(&link)? };
     prepare(&link, plan)?;
     let note_of_sensor = board_sensor::complete(plan, &link)?;
+    let settings = settings::read(&link)?;
     if plan.has_phases() {
-        settings::need_encoders(&settings::read(&link)?)?;
+        settings::need_encoders(&settings)?;
     }
-    let lines = lines(args, plan, &link, interrupted)?;
-    if args.r#virtual.is_some() && lines.is_none() {
+    if args.r#virtual.is_some() && settings.speed_from == SpeedFrom::Encoders {
         // Its flagella stand at their marks when it gets power.
         link.command(Command::Align)?;
     }
@@ -213,7 +229,7 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
         park::known(&link)?;
     }
     let notes = note_of_copy.into_iter().chain(note_of_sensor).collect();
-    Ok(Connected { link, player, robot, lines, notes })
+    Ok(Connected { link, player, robot, notes })
 }
 
 /// Returns the lines of motors without encoders. Nothing keeps those of an emulated board, so they are measured.
@@ -229,7 +245,8 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
             measured.lines
         }
         None => {
-            let lines = BoardCopies::of_user().and_then(|copies| copies.lines(settings.board_id));
+            // The board's own id, not one of the plan.
+            let lines = BoardCopies::of_user().and_then(|copies| copies.lines(link.info().board_id));
             let lines = lines.ok_or(RecordError::NoLines)?;
             if lines.wiring != Lines::wiring_of(&settings) {
                 return Err(RecordError::OtherLines(lines.wiring.to_toml().trim().replace('\n', ", ")));
@@ -343,6 +360,7 @@ struct Rig<'a> {
     interrupted: &'a AtomicBool,
     robot: Option<SimulatedRobot>,
     lines: Option<Lines>,
+    typed: Notes,
     session: Session,
     plan: Plan,
     origin: Origin,
@@ -367,14 +385,14 @@ impl Rig<'_> {
         recorded: &mut Recorded,
         progress: &mut Progress,
     ) -> miette::Result<bool> {
-        let mut is_lossless = true;
+        let (mut is_lossless, mut followed) = (true, self.lines.clone());
         for (done, trial) in todo.iter().enumerate() {
             if self.interrupted.load(Ordering::Relaxed) {
                 return Err(RecordError::Interrupted.into());
             }
-            let (player, robot, lines) = (player.as_deref_mut(), self.robot.as_ref(), self.lines.as_ref());
+            let (player, robot, lines) = (player.as_deref_mut(), self.robot.as_ref(), followed.as_ref());
             let context = RunContext::new(&self.link, progress, self.interrupted);
-            let mut context = RunContext { player, robot, lines, ..context };
+            let mut context = RunContext { player, robot, lines, typed: Notes::clone(&self.typed), ..context };
             let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
             check_trial(&context, &recorded.session, rest_s)?;
             park_for(&context, trial)?;
@@ -390,6 +408,10 @@ impl Rig<'_> {
                 }
             }
             progress.line(&row.to_string());
+            let turned_rpm = row.angles.as_ref().and_then(|angles| angles.measured.rpm());
+            if let (Some(lines), Some(turned_rpm)) = (&mut followed, turned_rpm) {
+                lines.follow(trial.speeds, turned_rpm);
+            }
             is_lossless &= run.summary.link.is_lossless() && row.warnings.is_empty();
             recorded.trials.push(row);
             self.viewers.session(&recorded.trials, None);

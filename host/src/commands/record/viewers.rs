@@ -4,6 +4,7 @@ use super::row::{RecordedTrial, remarks};
 use crate::live::{Browser, Feed, Live};
 use crate::plan::{Plan, Trial};
 use crate::report::{live_maps, live_page};
+use crate::run::rig::Notes;
 use biflag_log::Tap;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -24,10 +25,12 @@ impl Viewers {
         open: bool,
         plan: &Plan,
         trials: Vec<Trial>,
+        notes: &Notes,
         interrupted: &Arc<AtomicBool>,
     ) -> miette::Result<Self> {
         let serve = || -> miette::Result<_> {
-            let feed = Feed::default();
+            let mut feed = Feed::default();
+            feed.notes = Notes::clone(notes);
             let page = live_page(plan, trials.len());
             Ok((Browser::serve(page, feed.clone(), Arc::clone(interrupted))?, feed))
         };

@@ -277,6 +277,7 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         Some(model) => format!("robot {robot}, closure {}", word(&model.closure)),
         None => format!("robot {robot}"),
     });
+    lines.extend(data.notes().map(|(time_s, note)| format!("note at {:.2} s: {note}", time_s - data.times.run.start)));
     lines.extend(data.records.import.as_ref().map(|import| {
         let ImportMeta { source, source_sha256, columns, .. } = import;
         format!("imported from {source}, SHA-256 {source_sha256}: {columns}")

@@ -4,6 +4,9 @@
 //! t = d + (1 + r) t', and ψ'(t') = ψ(t) + c + e t': the instruments' zeros differ by c, and the gyroscope drifts by e.
 //! A search over d and r finds the smallest residuals; a least-squares fit from there gives all four numbers and their
 //! uncertainties.
+//!
+//! Where the table's instrument saw the LED of the board, which is lit while a motor is on, the times at which it came on and went off
+//! give d and r, and the fit only the other two.
 
 use super::{ImportError, State, States};
 use crate::attitude::{Columns, Track};
@@ -12,7 +15,7 @@ use crate::trial::Judged;
 use biflag_log::ImportMeta;
 use nalgebra::{Matrix4, Vector4};
 use serde::Serialize;
-use sim::functions::powi;
+use sim::functions::{hypot, powi};
 use std::fmt;
 
 /// Interval of the search, s.
@@ -80,18 +83,29 @@ pub struct Beside {
     pub trial: String,
     /// The clock of the table.
     pub clock: Clock,
+    /// What told it.
+    by: &'static str,
 }
 
 impl Beside {
     /// Puts the states of a table on the clock of a recording, with the motion of its motors. States before and after the
-    /// recording are left out. `table` is the table's name in errors.
+    /// recording are left out. `table` is the table's name in errors, `sync` when the LED of the board came on and went off in it.
     ///
     /// # Errors
-    /// [`ImportError::Table`] if the yaws do not determine the clock.
-    pub fn put(states: States, recording: &Judged, table: &str) -> Result<(States, Self), ImportError> {
+    /// [`ImportError::Table`] if the yaws do not determine the clock, or the LED does not.
+    pub fn put(
+        states: States,
+        recording: &Judged,
+        table: &str,
+        sync: Option<[f64; 2]>,
+    ) -> Result<(States, Self), ImportError> {
         let mut yaw = Columns::<1>::default();
         states.rows.iter().for_each(|state| yaw.push(state.time_s, [state.angles_deg[0]]));
-        let clock = find(yaw.track(0), recording.angles.angles_deg.track(0), table)?;
+        let (of_table, of_log) = (yaw.track(0), recording.angles.angles_deg.track(0));
+        let (clock, by) = match sync {
+            Some(seen_s) => (by_light(of_table, of_log, seen_s, recording.data.lit_s, table)?, "LED"),
+            None => (find(of_table, of_log, table)?, "yaw"),
+        };
         let recording = &recording.data;
         let span = recording.motors.span();
         let on_clock = |state: &State| {
@@ -109,19 +123,19 @@ impl Beside {
             clock_rms_deg: Some(clock.rms_deg),
             ..states.about
         };
-        Ok((States { rows: rows.collect(), about }, Self { trial: name, clock }))
+        Ok((States { rows: rows.collect(), about }, Self { trial: name, clock, by }))
     }
 }
 
 impl fmt::Display for Beside {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { trial, clock, .. } = self;
+        let Self { trial, clock, by } = self;
         let with = |value: f64, u: f64, decimals: usize| {
             format!("{} ± {}", decimal(value, decimals), decimal(2.0 * u, decimals))
         };
         write!(
             f,
-            "clock by the yaw: {} s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
+            "clock by the {by}: {} s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
              yaw: drifts by {} °/s against the recorded one; without it {} rows differ by {}° RMS",
             decimal(clock.middle_s, 3),
             with(clock.at_middle_s, clock.at_middle_u_s, 3),
@@ -182,7 +196,7 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
     // The lag of the search refers to the table's first row.
     let start_s = log.span().start + best.1 * STEP_S;
     let shift_s = start_s + (1.0 + best.2) * (middle_s - table.span().start);
-    let clock = fit(table, log, middle_s, [shift_s, best.2]);
+    let clock = fit(table, log, middle_s, [shift_s, best.2], false);
     let holds = |clock: &Clock| {
         let rate = clock.rate_ppm * 1e-6;
         rate.abs() <= MOST_RATE + RATE_STEP && (rate - best.2).abs() <= 2.0 * RATE_STEP
@@ -191,6 +205,33 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
         let reason = format!("its yaw does not tell its clock, whose rate may differ by {} %", MOST_RATE * 100.0);
         fails(reason, of_other)
     })
+}
+
+/// Returns the clock of a table in which the LED of the board came on and went off at `seen_s`, and by the recording at `lit_s`.
+fn by_light(
+    table: Track,
+    log: Track,
+    seen_s: [f64; 2],
+    lit_s: Option<[f64; 2]>,
+    name: &str,
+) -> Result<Clock, ImportError> {
+    let (seen_for_s, lit_for_s) = (seen_s[1] - seen_s[0], lit_s.map_or(0.0, |[on_s, off_s]| off_s - on_s));
+    let rate = lit_for_s / seen_for_s - 1.0;
+    let (first_s, last_s) = (table.span().start, table.span().end);
+    let middle_s = f64::midpoint(first_s, last_s);
+    let at_middle_s =
+        lit_s.filter(|_| rate.abs() <= MOST_RATE).map(|[on_s, _]| on_s + (1.0 + rate) * (middle_s - seen_s[0]));
+    let clock = at_middle_s.and_then(|at_s| fit(table, log, middle_s, [at_s, rate], true)).ok_or_else(|| {
+        let [seen, lit] = [seen_for_s, lit_for_s].map(|s| decimal(s, 2));
+        let reason = format!("has the LED lit for {seen} s, the recording for {lit} s; or no row is in its time");
+        let help = "give the times, by the table's clock, of the first picture with the LED lit in the run and of the first dark one after it";
+        ImportError::table(name, reason, help)
+    })?;
+    // The LED changes at any time between two rows.
+    let u_s = (last_s - first_s) / (table.time_s.len() as f64 - 1.0) / 12.0_f64.sqrt();
+    let u_at = |time_s: f64| u_s / seen_for_s * hypot(seen_s[1] - time_s, time_s - seen_s[0]);
+    let rate_u_ppm = u_s * 2.0_f64.sqrt() / seen_for_s * 1e6;
+    Ok(Clock { offset_u_s: u_at(0.0), at_middle_u_s: u_at(middle_s), rate_u_ppm, ..clock })
 }
 
 /// A yaw at even times.
@@ -244,8 +285,8 @@ fn deviation(values: &[f64]) -> f64 {
     grid.residual(&Grid { yaw: values.to_vec() }, 0.0, 0.0, 3, 0.0).unwrap_or(0.0)
 }
 
-/// Fits the time of the table's middle and the rate from initial values, together with zero and drift.
-fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2]) -> Option<Clock> {
+/// Fits the time of the table's middle and the rate from initial values, unless they are known, together with zero and drift.
+fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2], is_known: bool) -> Option<Clock> {
     /// Half the interval of a difference quotient, s.
     const H_S: f64 = 0.05;
     const MOST_STEPS: usize = 50;
@@ -256,6 +297,9 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
     for _ in 0..MOST_STEPS {
         residuals.clear();
         normal = Matrix4::zeros();
+        if is_known {
+            (normal[(0, 0)], normal[(1, 1)]) = (1.0, 1.0);
+        }
         let mut right = Vector4::zeros();
         for (time, value) in table.time_s.iter().zip(table.value) {
             let passed_s = time - middle_s;
@@ -265,6 +309,7 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
             }
             let slope = (log.at(at + H_S)? - log.at(at - H_S)?) / (2.0 * H_S);
             let residual = value - log.at(at)? - zero_deg - drift_dps * passed_s;
+            let slope = if is_known { 0.0 } else { slope };
             let row = Vector4::new(slope, slope * passed_s, 1.0, passed_s);
             normal += row * row.transpose();
             right += row * residual;
@@ -275,7 +320,7 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
         rate += step[1];
         zero_deg += step[2];
         drift_dps += step[3];
-        if step[0].abs() < 1e-7 && step[1].abs() < 1e-10 {
+        if step[0].abs() < 1e-7 && step[1].abs() < 1e-10 && !(is_known && step[2].abs() > 1e-7) {
             break;
         }
     }
@@ -362,6 +407,32 @@ mod tests {
             let at_start = clock.time_s(from_s) - (offset_s + (1.0 + rate_ppm * 1e-6) * from_s);
             assert!(at_start.abs() < 0.01 && (0.1..0.14).contains(&clock.rms_deg), "{at_start} s off: {clock:?}");
         }
+    }
+
+    #[test]
+    fn the_led_tells_the_clock_of_a_yaw_that_does_not() {
+        let (on_s, off_s, offset_s, rate_ppm) = (20.0, 80.0, 3.217, -4321.0);
+        let of = |time: f64| 0.1 * (time / 50.0).sin();
+        let log = track(0.0, 110.0, 0.005, |time, _| of(time));
+        let own_s = |log_s: f64| (log_s - offset_s) / (1.0 + rate_ppm * 1e-6);
+        // The first pictures after the LED has changed.
+        let seen_s = [on_s, off_s].map(|log_s| (own_s(log_s) / 0.04).ceil() * 0.04);
+        let table =
+            track(0.0, 104.0, 0.04, |time, i| of(offset_s + (1.0 + rate_ppm * 1e-6) * time) + 33.0 + 0.02 * noise(i));
+        let (table, log) = (table.track(0), log.track(0));
+        assert!(find(table, log, "camera.csv").is_err());
+        let clock = by_light(table, log, seen_s, Some([on_s, off_s]), "camera.csv").unwrap();
+        let off = [
+            (clock.offset_s - offset_s) / clock.offset_u_s,
+            (clock.rate_ppm - rate_ppm) / clock.rate_u_ppm,
+            clock.drift_dps / clock.drift_u_dps,
+        ];
+        assert!(off.iter().all(|off| off.abs() < 4.0) && clock.offset_u_s < 0.03, "{off:?}: {clock:?}");
+        assert!((clock.rms_deg - 0.02 / 12.0_f64.sqrt()).abs() < 1e-3, "{clock:?}");
+        let refused = |seen_s, lit_s| by_light(table, log, seen_s, lit_s, "camera.csv").unwrap_err().to_string();
+        assert!(refused(seen_s, None).contains("the recording for 0.00 s"));
+        assert!(refused([10.0, 50.0], Some([on_s, off_s])).contains("lit for 40.00 s, the recording for 60.00 s"));
+        assert!(refused([1010.0, 1070.0], Some([on_s, off_s])).contains("no row is in its time"));
     }
 
     /// Errors correlated over seconds leave fewer independent rows: the uncertainties grow by a factor of three.

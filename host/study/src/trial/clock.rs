@@ -56,6 +56,7 @@ pub(super) fn correct(mut data: Data) -> Data {
     for phase in [&mut data.times.preroll, &mut data.times.run, &mut data.times.decay] {
         *phase = phase.start * true_s..phase.end * true_s;
     }
+    data.lit_s = data.lit_s.map(|lit_s| lit_s.map(|time| time * true_s));
     data.duration_s *= true_s;
     let [_, speed1, _, speed2, ..] = &mut data.motors.values;
     speed1.iter_mut().chain(speed2).for_each(|rpm| *rpm /= true_s);

@@ -10,8 +10,8 @@ use crate::attitude::Reading;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{self, Motor, Telemetry};
 use biflag_log::{LONGEST_TRIAL_S, LinkStats, Origin};
-use protocol::GENUINE_IMU_ID;
 use protocol::units::{Q15, Quaternion, TemperatureCounts};
+use protocol::{GENUINE_IMU_ID, TICK_HZ};
 use std::path::Path;
 
 /// Maximum number of stored events.
@@ -62,6 +62,10 @@ impl Collector {
         if let (Some(one), Some(two)) = (&frame.motor1, &frame.motor2) {
             let ((w1, turns1), (w2, turns2)) = (self.motion(0, one, time_s), self.motion(1, two, time_s));
             self.data.motors.push(time_s, [one.target_rpm, w1, two.target_rpm, w2, turns1, turns2]);
+            if one.duty != 0 || two.duty != 0 {
+                let on_s = self.data.lit_s.map_or(time_s, |[on_s, _]| on_s);
+                self.data.lit_s = Some([on_s, time_s + 1.0 / f64::from(TICK_HZ)]);
+            }
             if self.ordered_s.is_none() && (one.target_rpm != 0.0 || two.target_rpm != 0.0) {
                 self.ordered_s = Some(time_s);
             }

@@ -194,6 +194,8 @@ pub struct Data {
     pub shapes: Shapes,
     /// Events, up to a limit.
     pub events: Vec<Event>,
+    /// When the LED of the board was lit: from the first frame with a motor on to the end of the last one.
+    pub lit_s: Option<[f64; 2]>,
     /// Number of events beyond the limit.
     pub more_events: usize,
     /// Name and start of each phase.
@@ -224,7 +226,16 @@ pub struct Data {
     pub identity: Vec<Finding>,
 }
 
+/// The beginning of a note that the user wrote while the trial ran.
+pub const OPERATOR: &str = "operator: ";
+
 impl Data {
+    /// Returns the notes that the user wrote while the trial ran, with their times, s.
+    pub fn notes(&self) -> impl Iterator<Item = (f64, &str)> {
+        let notes = self.events.iter().filter(|event| event.kind == Kind::Note);
+        notes.filter_map(|event| Some((event.time_s, event.text.strip_prefix(OPERATOR)?)))
+    }
+
     /// Returns where the trial ran.
     pub fn origin(&self) -> Origin {
         self.records.origin()

@@ -38,7 +38,7 @@ pub use angles::{Angles, Steady};
 
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
-pub use data::{Data, Event, LinkSecond, MOTORS, Records, Times, Want};
+pub use data::{Data, Event, LinkSecond, MOTORS, OPERATOR, Records, Times, Want};
 pub use fields::{FRAME, Field, TRUTH};
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::DAMAGED_FRAME;

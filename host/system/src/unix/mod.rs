@@ -12,3 +12,4 @@ pub mod network;
 pub mod port;
 pub mod presses;
 pub mod shell;
+pub mod terminal;

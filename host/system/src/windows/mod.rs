@@ -12,6 +12,7 @@ pub mod network;
 pub mod port;
 pub mod presses;
 pub mod shell;
+pub mod terminal;
 
 /// Returns text as the system wants it: in UTF-16, with a zero at the end.
 fn wide(text: &str) -> Vec<u16> {

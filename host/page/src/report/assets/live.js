@@ -156,6 +156,11 @@ biflag.LiveTrial = class {
       one(".stop").disabled = false;
     }
   });
+  one(".note").addEventListener("change", async ({ target }) => {
+    // What the program did not hear stays in the field.
+    const { ok } = await fetch("note", { method: "POST", body: target.value }).catch(() => ({ ok: false }));
+    if (ok) target.value = "";
+  });
   const repaint = () => {
     trial.scene.paint();
     trial.charts.forEach((chart) => chart.build());

@@ -9,6 +9,7 @@ const NAMED = {
   reversal: ["c-ink", "⇄"],
   contact: ["c-warn", "●"],
   warning: ["c-warn", "△"],
+  note: ["c-ink", "✎"],
 };
 
 biflag.Ribbon = class {

@@ -7,6 +7,7 @@ use super::health::Health;
 use super::readout::Readout;
 use super::simulated::TruthRecorder;
 use super::standing::Standing;
+use super::trial::Notes;
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::CentiRpm;
@@ -14,9 +15,10 @@ use protocol::{Command, Fault, Reply, Request, Settings, State, TICK_HZ, Telemet
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
+use study::lock::lock;
 use study::plan::TICK_US;
 use study::run;
-use study::trial::DAMAGED_FRAME;
+use study::trial::{DAMAGED_FRAME, OPERATOR};
 
 /// A telemetry frame with the board's time, unwrapped.
 #[derive(Debug, Clone, Copy)]
@@ -53,6 +55,8 @@ pub(super) struct Recorder<'a> {
     interrupted: &'a AtomicBool,
     /// Notes for the user at the end of the trial.
     pub(super) notes: Vec<String>,
+    /// Notes of the user that are not in the log yet.
+    pub(super) typed: Notes,
     /// Records the ground truth of a simulated robot.
     truth: Option<TruthRecorder<'a>>,
     /// The first frame of the next phase, already received.
@@ -94,6 +98,7 @@ impl<'a> Recorder<'a> {
             readout: Readout::new(link.info().imu_id),
             interrupted,
             notes: Vec::new(),
+            typed: Notes::default(),
             truth,
             pending: None,
             waiting: VecDeque::new(),
@@ -321,6 +326,8 @@ impl<'a> Recorder<'a> {
                 return Err(RecordError::Interrupted);
             }
             self.trial.log.tick()?;
+            let typed = std::mem::take(&mut *lock(&self.typed));
+            typed.iter().try_for_each(|text| self.event(EventKind::Note, &format!("{OPERATOR}{text}")))?;
             self.keep_truth()?;
             if let Some(frame) = self.waiting.pop_front() {
                 return Ok(frame);
