@@ -96,7 +96,9 @@ impl Lines {
         for (motor, line) in self.motor.iter_mut().enumerate() {
             let share = turned_rpm[motor] / speeds[motor].rpm();
             if MOST_SAG.contains(&share) {
-                line.forwards.iter_mut().chain(&mut line.backwards).for_each(|point| point.speed_rpm *= share);
+                // A bridge may brake in one sense and coast in the other.
+                let points = if speeds[motor].rpm() < 0.0 { &mut line.backwards } else { &mut line.forwards };
+                points.iter_mut().for_each(|point| point.speed_rpm *= share);
             }
         }
     }
