@@ -22,6 +22,9 @@ const HALVINGS: u32 = 2;
 const MOST_HALVINGS: u32 = 5;
 const SLOW_RPM: f64 = 12.0;
 
+/// How often a duty is tried again whose motion is no swing.
+const MORE_ATTEMPTS: usize = 2;
+
 /// Time until the motion at a duty has settled, and the time that is measured, s.
 const SETTLING_S: u32 = 6;
 const MEASURED_S: u32 = 13;
@@ -105,7 +108,7 @@ impl Half<'_> {
             let frames = self.turn(duties)?;
             supply_v = frames.last().map_or(0.0, |frame| frame.supply.volts());
             for (number, &duty) in (1..).zip(duties) {
-                match self.speed(&frames, number, duty) {
+                match self.told(&frames, number, duty) {
                     Ok(Some(rpm)) => points.push((duty, rpm)),
                     // Where a motor hardly turns, it sticks now and then, and what is left of the motion before looks like no
                     // swing.
@@ -124,7 +127,7 @@ impl Half<'_> {
                 break;
             }
             let duty = stands.midpoint(turns);
-            match self.speed(&self.turn(&[duty])?, 1, duty) {
+            match self.told(&self.turn(&[duty])?, 1, duty) {
                 Ok(Some(rpm)) => {
                     turns = duty;
                     points.insert(0, (duty, rpm));
@@ -138,6 +141,17 @@ impl Half<'_> {
             return Err(self.no_swing(pair[1].0, "it is not faster than at a lower duty"));
         }
         Ok((points, supply_v))
+    }
+
+    /// Returns the speed in a phase of these frames, as [`Self::speed`]. A motor may wander too much to be told: it is tried again.
+    fn told(&self, frames: &[Telemetry], phase: u8, duty: u8) -> Result<Option<f64>, RecordError> {
+        let mut told = self.speed(frames, phase, duty);
+        for _ in 0..MORE_ATTEMPTS {
+            if let Err(RecordError::NoSwing { .. }) = told {
+                told = self.speed(&self.turn(&[duty])?, 1, duty);
+            }
+        }
+        told
     }
 
     /// Turns the motor at these duties in a schedule of the board. Returns the frames meanwhile.
