@@ -12,14 +12,14 @@ const LENGTH: Units = &[("mm", 1e-3), ("cm", 1e-2)];
 /// Keys, the magnitudes that their values usually have, and units in which one may be written by mistake. A number outside is
 /// only doubted if it is inside in such a unit: the bounds of lengths are so near that those of a table-top robot are
 /// doubted in centimetres too.
-const ROWS: [(&str, [f64; 2], Units); 22] = [
+const ROWS: [(&str, [f64; 2], Units); 24] = [
     ("base.mass_kg", [2e-3, 5.0], &[("g", 1e-3)]),
     ("base.radius_m head.radius_m", [1e-3, 0.3], LENGTH),
     ("base.height_m head.length_m", [1e-3, 0.8], LENGTH),
     ("base.motor_distance_m flagellum.pitch_m", [2e-3, 1.0], LENGTH),
-    ("base.inertia_kg_m2", [1e-7, 1e-3], &[("kg mm2", 1e-6), ("g cm2", 1e-7), ("g mm2", 1e-9)]),
+    ("base.inertia_kg_m2", [1e-7, 1e-3], &[("g m2", 1e-3), ("kg mm2", 1e-6), ("g cm2", 1e-7), ("g mm2", 1e-9)]),
     ("base.mass_centre_below_joint_m", [5e-5, 0.05], LENGTH),
-    ("base.gravity_m_s2", [1.0, 30.0], &[("mm/s2", 1e-3), ("cm/s2", 1e-2)]),
+    ("base.gravity_m_s2", [1.5, 30.0], &[("mm/s2", 1e-3), ("cm/s2", 1e-2), ("g", 9.80665)]),
     ("flagellum.rod_radius_m", [1e-4, 0.03], LENGTH),
     ("flagellum.helix_radius_m", [5e-4, 0.1], LENGTH),
     ("flagellum.axial_length_m", [5e-3, 3.0], LENGTH),
@@ -31,6 +31,9 @@ const ROWS: [(&str, [f64; 2], Units); 22] = [
     ("head.centre_m", [5e-4, 0.5], LENGTH),
     ("tank.length_m tank.width_m tank.height_m tank.joint_m tank.joint_depth_m", [0.01, 5.0], LENGTH),
     ("joint.tether_full_nm_per_rad joint.tether_lumped_nm_per_rad", [1e-6, 0.05], &[("mN m/rad", 1e-3)]),
+    // Larger ones would hold the robot against its motors.
+    ("joint.viscous_nms", [1e-9, 5e-3], &[("mN m s", 1e-3)]),
+    ("joint.coulomb_nm", [1e-9, 5e-3], &[("mN m", 1e-3)]),
     ("contact.tolerance_m", [1e-8, 1e-3], &[("mm", 1e-3), ("µm", 1e-6)]),
     ("contact.slip_speed_m_s", [1e-7, 0.02], &[("mm/s", 1e-3)]),
     ("solver.step_rad", [1e-4, 1.1], &[("degrees", std::f64::consts::PI / 180.0)]),
@@ -93,7 +96,9 @@ mod tests {
             ("base", "height_m = 3.75", "mm or cm? write 0.00375 or 0.0375"),
             ("base", "inertia_kg_m2 = [16300, 16300, 9100]", "g mm2? write 1.63e-5"),
             ("base", "mass_centre_below_joint_m = 2", "mm or cm? write 0.002 or 0.02"),
+            ("base", "inertia_kg_m2 = [0.0163, 0.0163, 0.0091]", "g m2? write 1.63e-5"),
             ("base", "gravity_m_s2 = 980.665", "cm/s2? write 9.80665"),
+            ("base", "gravity_m_s2 = 1", "g? write 9.80665"),
             ("flagellum", "rod_radius_m = 0.3", "mm or cm? write 0.0003 or 0.003"),
             ("flagellum", "helix_radius_m = 8.89", "mm or cm? write 0.00889 or 0.0889"),
             ("flagellum", "pitch_m = 76", "mm or cm? write 0.076 or 0.76"),
@@ -104,6 +109,8 @@ mod tests {
             ("fluid", "viscosity_pa_s = 1000", "mPa s? write 1"),
             ("fluid", "glycerol = { mass_fraction = 85, temperature_c = 20 }", "%? write 0.85"),
             ("joint", "tether_full_nm_per_rad = 0.5006", "mN m/rad? write 0.0005006"),
+            ("joint", "viscous_nms = 0.02", "mN m s? write 2e-5"),
+            ("joint", "coulomb_nm = 0.01", "mN m? write 1e-5"),
             ("solver", "step_rad = 17.2", "degrees? write 0.30019"),
         ] {
             let found = doubts(&format!("[{table}]\n{key}\n"));
