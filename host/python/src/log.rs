@@ -34,7 +34,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
         let rows = table::trial(&trial);
         Ok((trial, rows))
     };
-    let (Judged { data, angles: zeroed, findings: found, .. }, rows) = interruptible(py, read)?;
+    let (Judged { data, angles: zeroed, findings: found, not_judged }, rows) = interruptible(py, read)?;
     let (trial, run_s) = (data.trial(), data.times.run.start);
     let dict = PyDict::new(py);
     dict.set_item("name", trial.name)?;
@@ -43,6 +43,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("complete", data.is_complete())?;
     dict.set_item("warnings", found.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     dict.set_item("findings", json::record(py, &found)?)?;
+    dict.set_item("not_judged", not_judged)?;
     dict.set_item("columns", columns(py, &rows)?)?;
     dict.set_item("about", about(&rows))?;
     dict.set_item("notes", &rows.header)?;

@@ -124,6 +124,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "w1_rpm": w1_rpm,
         "w2_rpm": w2_rpm,
         "findings": findings,
+        "not_judged": trial.not_judged,
     });
     if let (Value::Object(body), Ok(Value::Object(angles))) = (&mut body, serde_json::to_value(&angles)) {
         body.extend(angles);

@@ -244,6 +244,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "angles": row.angles,
             "budget": budget_of(row.angles.as_ref()),
             "findings": row.findings,
+            "not_judged": row.not_judged,
             "left_out": state.left_out,
         }));
         let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn, recorded));
@@ -278,6 +279,7 @@ struct Row {
     origin: Option<Origin>,
     angles: Option<Angles>,
     findings: Vec<Finding>,
+    not_judged: Vec<&'static str>,
     link: LinkStats,
     /// The trial as one of several at its speeds.
     repeat: Option<Repeat>,
@@ -290,8 +292,7 @@ impl Row {
             let losses = match attempt.read(Want::default()) {
                 Ok(trial) if trial.data.losses.is_empty() => {
                     let (angles, repeat) = (trial.steady_angles(), Repeat::new(&trial));
-                    let Judged { data, findings, .. } = trial;
-                    return Ok(Self { state, origin: Some(data.origin()), angles, findings, link: data.link, repeat });
+                    return Ok(Self { angles, repeat, ..Self::of(state, Some(trial)) });
                 }
                 Ok(trial) => trial.data.losses.iter().map(ToString::to_string).collect(),
                 Err(error) if error.is_of_reading() => return Err(error),
@@ -300,12 +301,18 @@ impl Row {
             state.damaged(&attempt.path, &losses);
         }
         // What other commands take of a trial that is not complete, and what they say about it.
-        let (origin, findings, link) = match state.attempts.last().map(|last| last.read(Want::default())) {
-            Some(Ok(trial)) => (Some(trial.data.origin()), trial.findings, trial.data.link),
-            Some(Err(error)) if error.is_of_reading() => return Err(error),
-            Some(Err(_)) | None => (None, Vec::new(), LinkStats::default()),
-        };
-        Ok(Self { state, origin, angles: None, findings, link, repeat: None })
+        match state.attempts.last().map(|last| last.read(Want::default())) {
+            Some(Err(error)) if error.is_of_reading() => Err(error),
+            last => Ok(Self::of(state, last.and_then(Result::ok))),
+        }
+    }
+
+    /// Returns a trial without its angles.
+    fn of(state: TrialState, trial: Option<Judged>) -> Self {
+        let origin = trial.as_ref().map(|trial| trial.data.origin());
+        let of = |Judged { data, findings, not_judged, .. }| (findings, not_judged, data.link);
+        let (findings, not_judged, link) = trial.map(of).unwrap_or_default();
+        Self { state, origin, angles: None, findings, not_judged, link, repeat: None }
     }
 }
 

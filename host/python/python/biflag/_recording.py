@@ -111,6 +111,8 @@ class Recording:
     """What is to be said about the trial: kind, text, cure, and whether it is grave, so that the numbers may be wrong."""
     warnings: list[str]
     """The findings as text."""
+    not_judged: list[str]
+    """Why some findings could not be looked for, as in a trial without a rest; they are no warnings."""
     events: list[Event]
     phases: dict[str, tuple[float, float]]
     """Start and end of preroll, run and decay, s."""
