@@ -19,7 +19,8 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Motion> {
     (motion.relative() > 1.0).then_some(motion)
 }
 
-/// Returns the smallest rate of change compatible with the readings: their slope minus two standard errors.
+/// Returns the smallest rate of change compatible with the readings: their slope minus four standard errors, which the noise of
+/// hardly any rest exceeds.
 fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
     let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));
@@ -29,7 +30,7 @@ fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
         (count + 1.0, residuals + powi(value - mean - slope * from_middle, 2), along + powi(from_middle, 2))
     });
     let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
-    (slope.abs() - 2.0 * variance.sqrt()).max(0.0)
+    (slope.abs() - 4.0 * variance.sqrt()).max(0.0)
 }
 
 #[cfg(test)]
