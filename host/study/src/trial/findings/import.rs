@@ -1,13 +1,15 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::{Rule, Section};
-use crate::attitude::{Euler, LARGEST_TILT_DEG, Reading, rotation, tilt_deg, wrapped};
+use crate::attitude::{Euler, LARGEST_TILT_DEG, Reading, Track, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Conduct;
 use crate::trial::import_rest::REST_S;
 use crate::trial::zero::Zeroed;
 use biflag_log::ImportMeta;
+use nalgebra::Vector3;
+use protocol::units::CentiRpm;
 use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
@@ -22,6 +24,14 @@ const LEAST_ROWS_A_TURN: f64 = 4.0;
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
+/// Flagella that mesh snap, and turn the robot by some 15 degrees between two rows.
+const SNAP_DEG: f64 = 30.0;
+
+/// Nor is one that differs by more from the changes before and after it, degrees; and by so many times what that of a tenth of all
+/// rows does not exceed: three such noises of a normal distribution are hardly ever so large.
+const ODD_DEG: f64 = 2.5;
+const ODD_NOISES: f64 = 8.0;
+
 /// Number and duration of rows with the same attitude in a run that are not a measurement.
 const STOOD_ROWS: usize = 10;
 const STOOD_S: f64 = 3.0;
@@ -29,11 +39,17 @@ const STOOD_S: f64 = 3.0;
 /// Difference from a recorded yaw that is worth a note if the uncertainty of the instrument is unknown, degrees.
 const UNKNOWN_DEG: f64 = 1.0;
 
+/// A tilt at rest below so many times its noise is none.
+const NOISES: f64 = 3.0;
+
 /// At least this many rows of zeros, with neighbours at least this far from zero, and so many of the table's smallest steps, are
 /// not a measurement.
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
 const ZERO_STEPS: f64 = 3.0;
+
+/// Intervals of rows beside a gap differ by a larger factor.
+const GAP: f64 = 3.0;
 
 const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
@@ -103,7 +119,8 @@ fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
 /// instrument's frame, whose vertical is askew: the latter does not turn with the body.
 fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
-    let angles = zeroed.angles().filter(|_| tilt_deg(pitch_deg, roll_deg) <= LARGEST_TILT_DEG)?;
+    let seen_deg = NOISES * noise_at_rest_deg(zeroed)..=LARGEST_TILT_DEG;
+    let angles = zeroed.angles().filter(|_| seen_deg.contains(&tilt_deg(pitch_deg, roll_deg)))?;
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
     let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
     let askew = of([0.0, pitch_deg, roll_deg]);
@@ -118,6 +135,18 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
          is the instrument's frame that is askew, yaw, pitch and roll are {yaw:.2}°, {pitch:.2}° and {roll:.2}°"
     );
     (0..3).any(matters).then_some(text)
+}
+
+/// Returns the standard error of the tilt at rest, degrees, by the scatter of its rows.
+fn noise_at_rest_deg(zeroed: &Zeroed) -> f64 {
+    let rest = 2.0 * zeroed.from_s - zeroed.run.start..zeroed.run.start;
+    let [_, pitch, roll] = zeroed.angles_deg.tracks();
+    let variance = |angle: Track| {
+        let of = angle.time_s.iter().zip(angle.value).filter(|(time, _)| rest.contains(time)).map(|(_, deg)| *deg);
+        let (count, sum) = of.clone().fold((0.0, 0.0), |(count, sum), deg| (count + 1.0, sum + deg));
+        of.map(|deg| (deg - sum / count) * (deg - sum / count)).sum::<f64>() / (count * (count - 1.0)).max(1.0)
+    };
+    (variance(pitch) + variance(roll)).sqrt()
 }
 
 /// Returns what is wrong if the table has too few rows per turn.
@@ -144,11 +173,18 @@ fn turned_before(data: &Data) -> Option<String> {
 /// unit. The remedy follows the colon.
 fn lost(data: &Data) -> Option<String> {
     let (run, readings) = (&data.times.run, &data.readings);
+    let is_apart = data.robot().is_ok_and(|robot| !robot.flagellum.mesh(data.speeds().map(CentiRpm::rpm)));
+    let (odd_deg, jump_deg) = if is_apart { (odd(readings), JUMP_DEG) } else { (Vec::new(), SNAP_DEG) };
+    let is_in_run = |(row, _): &(&(f64, Reading), &f64)| run.contains(&row.0);
+    let mut sorted: Vec<f64> = readings.iter().skip(2).zip(&odd_deg).filter(is_in_run).map(|(_, deg)| *deg).collect();
+    sorted.sort_by(f64::total_cmp);
+    let most_deg = sorted.get(sorted.len() / 10).map_or(f64::INFINITY, |noise| ODD_DEG.max(ODD_NOISES * noise));
     let mut stood_from = 0;
-    for (i, pair) in (1..).zip(readings.windows(2)) {
+    for (i, pair) in (1_usize..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));
         let angle_deg = rotation_between(&rotation(before), &rotation(now)).norm().to_degrees();
-        if angle_deg > JUMP_DEG && angle_deg / (now_s - before_s) > JUMP_DPS {
+        let is_odd = i.checked_sub(2).and_then(|at| odd_deg.get(at)).is_some_and(|deg| *deg > most_deg);
+        if is_odd || angle_deg > jump_deg && angle_deg / (now_s - before_s) > JUMP_DPS {
             return Some(format!(
                 "the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
                  units of the angles"
@@ -165,6 +201,23 @@ fn lost(data: &Data) -> Option<String> {
         }
     }
     None
+}
+
+/// Returns by how much each change between two rows, from the second on, differs from the mean of those before and after it,
+/// degrees; 0 beside a gap.
+fn odd(readings: &[(f64, Reading)]) -> Vec<f64> {
+    let change = |pair: &[(f64, Reading)]| {
+        let [one, other] = [0, 1].map(|k| rotation(pair[k].1.attitude));
+        (pair[1].0 - pair[0].0, rotation_between(&one, &other))
+    };
+    let changes: Vec<(f64, Vector3<f64>)> = readings.windows(2).map(change).collect();
+    let odd = |three: &[(f64, Vector3<f64>)]| {
+        let [(before_s, before), (now_s, now), (after_s, after)] = [three[0], three[1], three[2]];
+        let is_gap = now_s.max(before_s).max(after_s) > GAP * now_s.min(before_s).min(after_s);
+        let expected = (before / before_s + after / after_s) * (0.5 * now_s);
+        if is_gap { 0.0 } else { (now - expected).norm().to_degrees() }
+    };
+    changes.windows(3).map(odd).collect()
 }
 
 /// Returns what is wrong if rows of the run contain zeros between other attitudes: many instruments write zeros when they
