@@ -119,6 +119,13 @@ impl<'a> Fitter<'a> {
         Self { motion, t: motion.t.clone(), rates, slow, window, square: [0.0; 3], noise }.with_squares()
     }
 
+    /// Returns the root mean square of the swing about each axis, °/s; `None` where noise is as large.
+    pub fn axes_dps(&self) -> Option<[f64; 3]> {
+        let count = self.motion.t.len() as f64;
+        let is_clear = self.square.iter().all(|square| *square > 2.0 * self.noise);
+        is_clear.then(|| self.square.map(|square| ((square - self.noise) / count).sqrt()))
+    }
+
     /// Returns the root mean square of the swing: in the plane, and about z, °/s.
     pub fn swing_dps(&self) -> [f64; 2] {
         let count = self.motion.t.len() as f64;

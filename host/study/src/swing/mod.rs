@@ -22,7 +22,7 @@ use motion::Motion;
 pub use motion::PIECE_S;
 pub use score::in_plane_dps;
 use score::{beside_the_other, least_dps, off_deg, score};
-use sim::functions::hypot;
+use sim::functions::{exp, hypot, ln};
 use std::ops::Range;
 
 /// A cause is named where its score is better than the label's by this.
@@ -64,6 +64,12 @@ const NEAR_LEFT: f64 = 0.15;
 
 /// Turns of a frame by two motors that are nearer than this agree, degrees.
 const AGREED_DEG: f64 = 30.0;
+
+/// Beats of both motors over which a swing has a mean.
+const BEATS: f64 = 2.0;
+
+/// A swing that is larger or smaller than another by this factor has another scale.
+const SCALED: f64 = 1.5;
 
 /// Causes whose scores are nearer than this are named together.
 const ALIKE: f64 = 8.0;
@@ -306,6 +312,23 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
         [Some(a), None] | [None, Some(a)] => Some(a),
         [None, None] => None,
     }
+}
+
+/// Returns which angle swings how many times as much beside the others as that of another motion of one robot: yaw, pitch or roll
+/// (0 to 2); `None` if none does, or if noise or a beat of both motors hides it.
+pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
+    let swing = |trial: &Labelled| {
+        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
+        let has_mean = !is_near(trial.rpm.map(f64::abs), motion.length_s / BEATS);
+        Fitter::new(&motion).axes_dps().filter(|_| has_mean)
+    };
+    let (one, other) = (swing(one)?, swing(other)?);
+    let [roll, pitch, yaw] = [0, 1, 2].map(|k| ln(other[k] / one[k]));
+    let of = |k: usize, own: f64, [a, b]: [f64; 2]| {
+        let by = own - (a + b) / 2.0;
+        (by.abs() > ln(SCALED) && (a - b).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
+    };
+    of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]))
 }
 
 /// Returns a cause with the factor as measured.

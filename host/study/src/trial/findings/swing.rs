@@ -1,14 +1,23 @@
 //! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
 
 use super::{Rule, Section, frame};
-use crate::swing::{Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label};
+use crate::attitude::{Columns, wrapped};
+use crate::swing::{Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, scaled, turned_deg};
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Swing, Upright};
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
+use sim::body::closure::Closure;
+use sim::functions::hypot;
+use sim::params::Robot;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
+use sim::trial::{Options, Trial};
 use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, of an import, and of motors without
 /// encoders.
@@ -33,6 +42,9 @@ static RULES: [Rule; 4] = [
 const FRAME_MIRRORED: &str = "the frame of the angles is mirrored or its z axis points down";
 const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
 const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
+const QUARTER_TURN: &str = "the frame of the angles is turned by a quarter about the vertical";
+const OTHER_ORDER: &str = "the angles are turns in another order";
+const OPPOSITE_TURN: &str = "the quaternion or the matrix turns the world's axes into the body's";
 
 /// Returns what frame of the angles looks like a mistake of the speeds. `has_other_sense`: whether the yaw has another sign than
 /// by the speeds.
@@ -107,9 +119,62 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
             };
             Ok(Some(format!("{which}, and would at {at}, once a turn of each flagellum: {why}")))
         }
-        Label::Right => Ok(None),
+        Label::Right => Ok(unlike_its_model(data, zeroed)),
         Label::NotJudged(why) => Err(why),
     }
+}
+
+/// The model of a robot swings steadily between these times, s.
+const MODELLED_S: Range<f64> = 10.0..30.0;
+
+/// Edges of a turn of the model's flagella: more change no direction.
+const EDGES: f64 = 15.0;
+
+/// The largest turn of a swing from its model's that another stiffness explains, and the largest from that of a cause, degrees.
+const TURNED_DEG: f64 = 45.0;
+const NEAR_DEG: f64 = 35.0;
+
+/// Returns what the directions and the sizes of an import's swing, beside those of its robot's model, say of its angles.
+fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let own = labelled(data, zeroed).ok().filter(|own| data.records.import.is_some() && !own.touches)?;
+    let angles_deg = modelled(data.robot().ok()?, own.rpm)?;
+    let model = Labelled { angles_deg: &angles_deg, settled_s: MODELLED_S, ..own.clone() };
+    let deg = turned_deg(&model, &own)?;
+    if deg.abs() > TURNED_DEG {
+        let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
+        let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
+        let frames = [
+            (QUARTER_TURN, is_near(90.0) || is_near(-90.0)),
+            (OTHER_ORDER, is_near(-yaw_deg)),
+            (OPPOSITE_TURN, is_near(yaw_deg)),
+        ];
+        let causes: Vec<&str> = frames.into_iter().filter(|(_, is_likely)| *is_likely).map(|(name, _)| name).collect();
+        return Some(format!(
+            "the robot swings in directions that are turned by {deg:.0} degrees from its model's{}",
+            frame::as_if(&causes)
+        ));
+    }
+    // A turn has other shares of pitch and roll.
+    let (angle, factor) = scaled(&model, &own).filter(|_| deg.abs() < TURNED_DEG / 2.0)?;
+    let angle = ["yaw", "pitch", "roll"][angle];
+    Some(format!(
+        "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale"
+    ))
+}
+
+/// Returns the motion of a robot's model.
+fn modelled(mut robot: Robot, rpm: [f64; 2]) -> Option<Columns<3>> {
+    let flagellum = &mut robot.flagellum;
+    let turn_m = hypot(TAU * flagellum.helix_radius_m, flagellum.pitch_m);
+    flagellum.edge_length_m = flagellum.edge_length_m.max(turn_m / EDGES);
+    robot.tank = None;
+    let profile = SpeedProfile::constant(rpm, MODELLED_S.end).ok()?;
+    let mut angles_deg = Columns::default();
+    for sample in Trial::new(&robot, Closure::Full, profile, Options::default()).ok()? {
+        let Sample { time_s, yaw_rad, pitch_rad, roll_rad, .. } = sample.ok()?;
+        angles_deg.push(time_s, [yaw_rad, pitch_rad, roll_rad].map(f64::to_degrees));
+    }
+    Some(angles_deg)
 }
 
 /// Says a cause, with a time by the clock that the user knows.
@@ -158,10 +223,16 @@ fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let both = Cause::Sign([true; 2]).to_string();
     let causes = match judged(data, zeroed) {
         // The senses of the motors are right, so that it is the yaw.
-        Ok(Label::Right) => vec![YAW_CLOCKWISE],
+        Ok(Label::Right) => vec![YAW_CLOCKWISE, OPPOSITE_TURN],
         // These causes are named beside those of the swing.
         Ok(Label::Wrong(_)) => return None,
         _ => vec![&both[..], FRAME_MIRRORED, YAW_CLOCKWISE],
     };
-    Some(format!("the robot turns in the sense of its motors, and would turn against them: as if {}", either(&causes)))
+    let causes = either(&causes);
+    Some(format!(
+        "the robot turns in the sense of its motors, or of the faster one, and would turn against it: as if {causes}"
+    ))
 }
+
+#[cfg(test)]
+mod population;

@@ -80,22 +80,8 @@ fn motions() -> Vec<Motion> {
         })
         .collect();
     all.into_par_iter()
-        .map(|(name, robot, file, rpm)| Motion { truth: cached(name, &robot, rpm), file, name })
+        .map(|(name, robot, file, rpm)| Motion { truth: Truth::of(&robot, rpm, RUN_S + AFTER_S, RUN_S), file, name })
         .collect()
-}
-
-fn cached(name: &str, robot: &Robot, rpm: [f64; 2]) -> Truth {
-    let path = format!("/tmp/laws-truths/{name}_{}_{}", rpm[0], rpm[1]);
-    if let Ok(bytes) = std::fs::read(&path) {
-        let all: Vec<f64> = bytes.chunks(8).map(|c| f64::from_le_bytes(c.try_into().unwrap())).collect();
-        let n = all.len() / 3;
-        return Truth { rpm, angles_deg: [0, 1, 2].map(|k| all[k * n..(k + 1) * n].to_vec()) };
-    }
-    let truth = Truth::of(robot, rpm, RUN_S + AFTER_S, RUN_S);
-    let bytes: Vec<u8> = truth.angles_deg.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-    std::fs::create_dir_all("/tmp/laws-truths").unwrap();
-    std::fs::write(&path, bytes).unwrap();
-    truth
 }
 
 /// How it is measured.
