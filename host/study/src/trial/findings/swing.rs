@@ -235,4 +235,4 @@ fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
 }
 
 #[cfg(test)]
-mod population;
+mod tests;
