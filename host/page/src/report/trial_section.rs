@@ -51,7 +51,6 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                 warnings(grave, texts.map(|warning| warning.text.as_str()))
             };
             (said(true))
-            (tiles(view))
             @if has_data {
                 @match session {
                     Some((_, number)) => { div.bench data-bench=(number) {} }
@@ -59,6 +58,7 @@ pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> 
                     None => { div.bench { h2.unseen { "Over time" } (bench(view)) } }
                 }
             }
+            (tiles(view))
             (said(false))
             @if let Some(comparison) = &view.comparison { (errors::table(comparison)) }
             (events(view))

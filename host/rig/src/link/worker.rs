@@ -81,7 +81,7 @@ const SIGN_OF_LIFE_EVERY: Duration = Duration::from_millis(50);
 const SILENCE: Duration = Duration::from_secs(1);
 
 /// Last wait for the answer of an emulated board: a busy computer may keep it from running.
-const BUSY: Duration = Duration::from_secs(10);
+const BUSY: Duration = Duration::from_secs(3);
 
 /// Time without a heartbeat ([`super::Link::ask`], [`super::Link::next`]) after which the program counts as hung, and the
 /// board no longer gets pings. Logs are written on a separate thread, so a slow disk does not delay the heartbeat. A

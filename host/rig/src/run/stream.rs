@@ -15,7 +15,7 @@ pub(super) struct Silences {
 impl Silences {
     /// Returns a count for the board on this link. A busy computer may keep an emulated one from running for some seconds.
     pub(super) fn new(link: &Link) -> Self {
-        Self { count: 0, largest: if system::port::is_emulated(link.path()) { 10 } else { 1 } }
+        Self { count: 0, largest: if system::port::is_emulated(link.path()) { 4 } else { 1 } }
     }
 
     /// Records that a frame has arrived.
