@@ -2,7 +2,7 @@
 //! the board, and records the trial.
 
 use super::error::RecordError;
-use super::recorder::{Frame, Recorder, first_failure};
+use super::recorder::{Frame, Notes, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
 use super::virtual_nano::VirtualNano;
 use super::{preflight, schedule, still};
@@ -12,7 +12,6 @@ use protocol::units::CentiRpm;
 use protocol::{Calibration, Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 use study::plan::line::Lines;
 use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
@@ -56,9 +55,6 @@ pub struct RunContext<'a> {
     /// Notes of the user that are not in the log yet.
     pub typed: Notes,
 }
-
-/// Notes of the user on their way into the log of the trial that runs, from the terminal and from the page.
-pub type Notes = Arc<Mutex<Vec<String>>>;
 
 impl<'a> RunContext<'a> {
     /// Returns the context of a robot with encoders on a rig, without viewers.

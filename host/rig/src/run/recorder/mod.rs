@@ -7,18 +7,21 @@ use super::health::Health;
 use super::readout::Readout;
 use super::simulated::TruthRecorder;
 use super::standing::Standing;
-use super::trial::Notes;
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::CentiRpm;
 use protocol::{Command, Fault, Reply, Request, Settings, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 use study::lock::lock;
 use study::plan::TICK_US;
 use study::run;
 use study::trial::{DAMAGED_FRAME, OPERATOR};
+
+/// Notes of the user on their way into the log of the trial that runs, from the terminal and from the page.
+pub type Notes = Arc<Mutex<Vec<String>>>;
 
 /// A telemetry frame with the board's time, unwrapped.
 #[derive(Debug, Clone, Copy)]
