@@ -109,8 +109,10 @@ impl Swept {
         let [Some(w1), Some(w2), Some(phases)] = ["w1_rpm", "w2_rpm", "phases"].map(|name| self.column(name)) else {
             return 0;
         };
+        // A point that failed has no phases.
+        let has_more = phases.values.iter().any(|number| *number > 1.0);
         let is_one = |i: &usize| phases.values[*i] <= 1.0 && Ratio::of([w1.values[*i], w2.values[*i]]).is_some();
-        (0..self.rows()).filter(is_one).count()
+        if has_more { 0 } else { (0..self.rows()).filter(is_one).count() }
     }
 
     /// Returns the number of points.

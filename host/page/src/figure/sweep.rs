@@ -194,7 +194,7 @@ pub(super) fn steady(
         is_settled: !spreads.iter().any(|spread| spread.values[i] > MOST_SPREAD_DEG),
         first: (),
     };
-    let one_phase = swept.column("phases").is_some_and(|phases| phases.values.iter().all(|number| *number <= 1.0));
+    let one_phase = swept.of_one_phase() > 0;
     // Where the robot varies, the line below the axes says which of its values are drawn.
     let folder = table.parent().filter(|folder| fixed.is_empty() && is_folder(folder)).map(Folder::open).transpose();
     let folder = folder.map_err(|error| wrong(error.to_string()))?;

@@ -25,8 +25,8 @@ pub(super) fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
     Some((event.time_s, kind, clip(&event.text, 80)))
 }
 
-/// Returns the named events of a trial in the order of time: faults, warnings, lost frames, reversals, notes of the user, and the first contact.
-/// `bundling`: when the flagella begin to be apart, in touch or bundled.
+/// Returns the named events of a trial in the order of time: faults, warnings, lost frames, reversals, notes of the user, and the
+/// first contact. `bundling`: when the flagella begin to be apart, in touch or bundled.
 pub(super) fn named(data: &Data, bundling: &[(f64, Bundling)]) -> Vec<Named> {
     let mut all: Vec<Named> =
         data.events.iter().filter_map(mark).filter(|(_, kind, _)| ["fault", "warning"].contains(kind)).collect();

@@ -134,14 +134,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
     let board = board::to_log(link.info(), &settings::read(&link)?);
+    let sensor = robot.as_ref().map(|robot| &robot.sensor);
     let open = || -> miette::Result<_> {
-        let session = match args.resume {
-            true => Session::resume(&folder, &plan)?,
-            false => Session::create(&folder, &plan)?,
-        };
-        let lock = session.lock(Sharing::Alone)?;
-        let states = session.checked_states()?;
-        let note = session.expect_same_rig(&states, origin, Some(&board), robot.as_ref().map(|robot| &robot.sensor))?;
+        let (session, lock, states) = open(args.resume, &folder, &plan)?;
+        let note = session.expect_same_rig(&states, origin, Some(&board), sensor)?;
         Ok((session, lock, states, note))
     };
     // What a session refuses comes before any motor turns; a new one comes last, so that no folder is left of a plan that is refused.
@@ -157,10 +153,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let trials = states.iter().map(|state| state.trial.clone()).collect();
     let typed = Notes::default();
     let viewers = Viewers::new(live, args.open, &plan, trials, &typed, &interrupted)?;
-    let into = Notes::clone(&typed);
-    // `n` alone, or with a text.
-    let text = |line: &str| format!("{line} ").strip_prefix("n ").map(|text| text.trim().to_owned());
-    system::terminal::hear(move |line| lock(&into).extend(text(line)));
+    hear_notes(&typed);
     let (mut recorded, todo) = Recorded::of(folder, states)?;
     let outcome = recorded.outcome();
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
@@ -257,6 +250,21 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
     // Before the first trial: a later one would end the session.
     plan.trials.iter().try_for_each(|trial| Schedule::planned(trial).set_points(Some(&lines)).map(|_| ()))?;
     Ok(Some(lines))
+}
+
+/// Creates or resumes a session, for this program alone.
+fn open(resume: bool, folder: &Path, plan: &Plan) -> miette::Result<(Session, session::Lock, Vec<TrialState>)> {
+    let session = if resume { Session::resume(folder, plan)? } else { Session::create(folder, plan)? };
+    let lock = session.lock(Sharing::Alone)?;
+    let states = session.checked_states()?;
+    Ok((session, lock, states))
+}
+
+/// Adds to the notes what the user types after an `n`.
+fn hear_notes(typed: &Notes) {
+    let into = Notes::clone(typed);
+    let text = |line: &str| format!("{line} ").strip_prefix("n ").map(|text| text.trim().to_owned());
+    system::terminal::hear(move |line| lock(&into).extend(text(line)));
 }
 
 /// Returns the answer about a session of the emulated board that is complete: it needs no board, and so no firmware.
