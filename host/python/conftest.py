@@ -62,12 +62,20 @@ def pytest_sessionfinish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def names_of_examples(doctest_namespace: dict[str, Any], tmp_path: Path) -> None:
-    """What the examples in docstrings take for given: the package, a recorded session, and an empty folder."""
-    doctest_namespace.update(biflag=biflag, recorded=Path(os.environ["BIFLAG_SESSION"]), folder=tmp_path)
+def names_of_examples(request: pytest.FixtureRequest, doctest_namespace: dict[str, Any], tmp_path: Path) -> None:
+    """What the examples in docstrings take for given: the package, a recorded session, its fit, and an empty folder."""
+    if isinstance(request.node, pytest.DoctestItem):
+        results = {name: request.getfixturevalue(name) for name in ("recorded", "fitted")}
+        doctest_namespace.update(biflag=biflag, folder=tmp_path, **results)
 
 
 @pytest.fixture(scope="session")
 def recorded() -> Path:
     """The folder of the recorded session."""
     return Path(os.environ["BIFLAG_SESSION"])
+
+
+@pytest.fixture(scope="session")
+def fitted(recorded: Path) -> biflag.Calibration:
+    """The fit of the recorded session."""
+    return biflag.calibrate(recorded, ["viscosity", "tether"], robot=biflag.Robot.physical())

@@ -32,16 +32,15 @@ def test_another_robot_disagrees(recorded: Path) -> None:
     assert "yaw" in {difference["angle"] for difference in other.trials[0].record["differences"]}
 
 
-def test_a_fit_finds_the_hidden_robot(recorded: Path) -> None:
-    fit = biflag.calibrate(recorded, ["viscosity", "tether"], robot=biflag.Robot.physical())
+def test_a_fit_finds_the_hidden_robot(fitted: biflag.Calibration) -> None:
     hidden = {"viscosity": 0.8, "tether": 6e-4}
     for name, value in hidden.items():
-        estimate = fit.parameters[name]
+        estimate = fitted.parameters[name]
         assert abs(estimate.value - value) < 3 * estimate.std_error + 0.01 * value, (name, estimate)
         assert estimate.interval_95[0] < estimate.value < estimate.interval_95[1]
-        assert estimate.key is not None and fit.robot[estimate.key] == pytest.approx(estimate.value)
-    assert fit.rmse_after_deg < fit.rmse_before_deg
-    assert biflag.Robot.from_toml(fit.text) == fit.robot
+        assert estimate.key is not None and fitted.robot[estimate.key] == pytest.approx(estimate.value)
+    assert fitted.rmse_after_deg < fitted.rmse_before_deg
+    assert biflag.Robot.from_toml(fitted.text) == fitted.robot
 
 
 def test_mistakes_are_named(recorded: Path, tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ class Comparison:
 class Estimate:
     """A fitted parameter.
 
-    >>> estimate = biflag.calibrate(recorded, ["viscosity"]).parameters["viscosity"]
+    >>> estimate = fitted.parameters["viscosity"]
     >>> estimate.key, estimate.unit, estimate.interval_95[0] < estimate.value < estimate.interval_95[1]
     ('fluid.viscosity_pa_s', 'Pa s', True)
     """
@@ -116,7 +116,6 @@ class Estimate:
 class Calibration:
     """Parameters of a robot that were fitted to its trials.
 
-    >>> fitted = biflag.calibrate(recorded, ["viscosity", "tether"])
     >>> fitted.rmse_after_deg < fitted.rmse_before_deg
     True
     >>> robot_file = (folder / "fitted.toml").write_text(fitted.text)
