@@ -5,6 +5,7 @@ use super::lock_step::{Advance, LockStep};
 use super::port::{self, Port};
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
 use protocol::frame::FrameError;
+use protocol::units::Micros;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
 use std::cell::RefCell;
 use std::fmt;
@@ -187,6 +188,17 @@ impl Link {
         match self.ask(command)? {
             Reply::Done => Ok(()),
             other => Err(self.wrong_answer(&command, &other)),
+        }
+    }
+
+    /// Asks for the board's clock.
+    ///
+    /// # Errors
+    /// As [`Link::ask`].
+    pub fn now(&self) -> Result<Micros, LinkError> {
+        match self.ask(Command::Ping)? {
+            Reply::Pong(now) => Ok(now),
+            other => Err(self.wrong_answer(&Command::Ping, &other)),
         }
     }
 

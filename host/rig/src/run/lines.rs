@@ -2,10 +2,10 @@
 //! says how fast.
 
 use super::error::RecordError;
-use super::stream;
-use crate::link::{Link, LinkError};
+use super::{schedule, stream};
+use crate::link::Link;
 use protocol::units::{CentiRpm, Micros};
-use protocol::{Command, Fault, Refusal, Reply, SetPoint, Settings, TICK_HZ, Telemetry};
+use protocol::{Command, Fault, SetPoint, Settings, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;
 use study::attitude::{Columns, Euler, Unwrap, rotation};
 use study::plan::line::{Line, LinePoint, Lines};
@@ -29,9 +29,8 @@ const MORE_ATTEMPTS: usize = 2;
 const SETTLING_S: u32 = 6;
 const MEASURED_S: u32 = 13;
 
-/// Time for the request that starts a schedule, µs. It is doubled if it was too short, as for a trial.
+/// Time for the request that starts a schedule, µs.
 const LEAD_US: u32 = 200_000;
-const MAX_LEAD_US: u32 = 20_000_000;
 
 /// Speed at full duty by which set-points state speeds, rpm. The board takes the sense from them and reports them; it applies the duty.
 const AT_FULL_RPM: f64 = 130.0;
@@ -170,18 +169,10 @@ impl Half<'_> {
         for (index, point) in (0..).zip(&points) {
             self.link.command(Command::SetPoint { index, point: *point })?;
         }
-        let mut lead_us = LEAD_US;
-        loop {
-            let now = match self.link.ask(Command::Ping)? {
-                Reply::Pong(now) => now,
-                other => return Err(self.link.wrong_answer(&Command::Ping, &other).into()),
-            };
-            let at = Micros(now.0.wrapping_add(lead_us));
-            match self.link.command(Command::StartSchedule { count: last + 1, at }) {
-                Err(LinkError::Refused { refusal: Refusal::NotASchedule, .. }) if lead_us < MAX_LEAD_US => lead_us *= 2,
-                started => break started?,
-            }
-        }
+        schedule::in_time(LEAD_US, |lead_us| {
+            let at = Micros(self.link.now()?.0.wrapping_add(lead_us));
+            Ok(self.link.command(Command::StartSchedule { count: last + 1, at })?)
+        })?;
         let mut frames: Vec<Telemetry> = Vec::new();
         loop {
             let frame = stream::next_frame(self.link, self.interrupted)?;

@@ -95,10 +95,7 @@ pub fn turn(
 }
 
 fn wait(link: &Link, interrupted: &AtomicBool) -> Result<[EncoderCounts; 2], RecordError> {
-    let Reply::Pong(begun) = link.ask(Command::Ping)? else {
-        // No other reply fits a ping.
-        return Err(RecordError::OffSchedule);
-    };
+    let begun = link.now()?;
     loop {
         let frame = stream::next_frame(link, interrupted)?;
         let is_old = frame.time.since(begun).cast_signed() < 0;

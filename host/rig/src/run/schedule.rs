@@ -11,10 +11,9 @@ use study::plan::TICK_US;
 /// its samples have the same times in every trial.
 const GRID_US: u64 = 100_000;
 
-/// Time for a request to reach the board, by its clock, µs. It is doubled if it was too short: this computer may be
-/// busy, and an emulated board faster than real time.
-const LEAD_US: u64 = 40_000;
-const MAX_LEAD_US: u64 = 20_000_000;
+/// Time for a request to reach the board, by its clock, µs, and the longest that is tried.
+const LEAD_US: u32 = 40_000;
+const MAX_LEAD_US: u32 = 20_000_000;
 
 /// Sends the set-points to the board.
 ///
@@ -34,20 +33,32 @@ fn refuse_restart(recorder: &mut Recorder) -> Result<(), RecordError> {
 /// the start.
 pub(super) fn start(recorder: &mut Recorder, count: usize, planned_us: u64) -> Result<u64, RecordError> {
     let mut start_us = planned_us;
-    let mut lead_us = LEAD_US;
-    loop {
-        let late_us = (recorder.board_now_us()? + lead_us).saturating_sub(start_us);
+    in_time(LEAD_US, |lead_us| {
+        if lead_us > LEAD_US {
+            refuse_restart(recorder)?;
+        }
+        let late_us = (recorder.board_now_us()? + u64::from(lead_us)).saturating_sub(start_us);
         start_us += late_us.next_multiple_of(GRID_US);
         // Half a tick early, so that the tick at that time is the first one at or after it.
         let at = Micros((start_us - TICK_US / 2) as u32);
-        match recorder.command(Command::StartSchedule { count: count as u8, at }) {
-            Err(RecordError::Link(LinkError::Refused { refusal: Refusal::NotASchedule, .. }))
-                if lead_us < MAX_LEAD_US =>
-            {
-                refuse_restart(recorder)?;
-                lead_us *= 2;
-            }
-            outcome => return outcome.map(|()| start_us),
+        recorder.command(Command::StartSchedule { count: count as u8, at })
+    })?;
+    Ok(start_us)
+}
+
+/// Starts a schedule so long before its beginning that the request reaches the board in time: first this long, by its clock, µs,
+/// and twice as long each time it was too short. This computer may be busy, and an emulated board faster than real time.
+pub(super) fn in_time(
+    mut lead_us: u32,
+    mut start: impl FnMut(u32) -> Result<(), RecordError>,
+) -> Result<(), RecordError> {
+    loop {
+        let started = start(lead_us);
+        let is_late =
+            matches!(started, Err(RecordError::Link(LinkError::Refused { refusal: Refusal::NotASchedule, .. })));
+        if !is_late || lead_us >= MAX_LEAD_US {
+            return started;
         }
+        lead_us *= 2;
     }
 }
