@@ -5,11 +5,12 @@ use biflag_log::Tap;
 use biflag_log::schema::biflag::{Event, Telemetry, event::Kind};
 use biflag_log::schema::foxglove::FrameTransform;
 use biflag_log::schema::{ChannelSpec, LogMessage};
+use nalgebra::UnitQuaternion;
 use protocol::TICK_HZ;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex};
-use study::attitude::{Euler, Unwrap, rotation};
+use study::attitude::{Unwrap, rotation};
 use study::lock::lock;
 use study::trial::OPERATOR;
 
@@ -105,7 +106,7 @@ impl State {
         if channel.id == FrameTransform::CHANNEL.id
             && let Ok(FrameTransform { rotation: Some(q), .. }) = prost::Message::decode(bytes)
         {
-            self.attitude(&Euler::of(&rotation([q.w, q.x, q.y, q.z])));
+            self.attitude(&rotation([q.w, q.x, q.y, q.z]));
         } else if channel.id == Telemetry::CHANNEL.id
             && let Ok(frame) = prost::Message::decode(bytes)
         {
@@ -118,11 +119,11 @@ impl State {
         }
     }
 
-    fn attitude(&mut self, Euler { yaw_deg, pitch_deg, roll_deg }: &Euler) {
-        let yaw_deg = self.unwrap.next(*yaw_deg);
+    fn attitude(&mut self, attitude: &UnitQuaternion<f64>) {
+        let [yaw_deg, pitch_deg, roll_deg] = self.unwrap.angles_deg(attitude);
         let Some(frame) = self.frame.take() else { return };
         let [one, two] = [frame.motor1, frame.motor2].map(Option::unwrap_or_default);
-        let angles = [frame.time_s, yaw_deg, *pitch_deg, *roll_deg];
+        let angles = [frame.time_s, yaw_deg, pitch_deg, roll_deg];
         let motors = [one.speed_rpm, two.speed_rpm, one.target_rpm, two.target_rpm, one.turns, two.turns];
         let mut row = [0.0; COLUMNS];
         row[..4].copy_from_slice(&angles);
@@ -158,7 +159,6 @@ mod tests {
     use super::*;
     use biflag_log::schema::biflag::Motor;
     use biflag_log::{EventKind, event};
-    use nalgebra::UnitQuaternion;
     use study::draw;
 
     fn send<M: LogMessage>(tap: &Tap, message: &M) {

@@ -7,7 +7,7 @@ use crate::link::Link;
 use protocol::units::{CentiRpm, Micros};
 use protocol::{Command, Fault, SetPoint, Settings, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;
-use study::attitude::{Columns, Euler, Unwrap, rotation};
+use study::attitude::{Columns, Unwrap, rotation};
 use study::plan::line::{Line, LinePoint, Lines};
 use study::swing::{NO_LINE, speed_alone};
 
@@ -193,8 +193,7 @@ impl Half<'_> {
         let mut began = None;
         for frame in frames.iter().filter(|frame| frame.phase == phase) {
             let time_s = f64::from(frame.time.since(*began.get_or_insert(frame.time))) * 1e-6;
-            let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation(frame.attitude.to_f64()));
-            angles.push(time_s, [unwrap.next(yaw_deg), pitch_deg, roll_deg]);
+            angles.push(time_s, unwrap.angles_deg(&rotation(frame.attitude.to_f64())));
         }
         let end_s = angles.time_s.last().copied().unwrap_or_default();
         match speed_alone(&angles, f64::from(SETTLING_S)..end_s) {

@@ -4,7 +4,7 @@ use nalgebra::UnitQuaternion;
 use protocol::Telemetry;
 use protocol::units::CentiRpm;
 use std::fmt;
-use study::attitude::{Euler, Unwrap};
+use study::attitude::Unwrap;
 use study::text::decimal;
 
 /// The latest figures of a running trial. They differ from the trial's final angles, because the drift of the yaw is
@@ -13,7 +13,8 @@ use study::text::decimal;
 pub(super) struct Readout {
     /// The sensor's WHO_AM_I.
     imu_id: u8,
-    latest: Option<(Euler, Telemetry)>,
+    /// Yaw, pitch and roll, degrees, and their frame.
+    latest: Option<([f64; 3], Telemetry)>,
     unwrap: Unwrap,
     zero_deg: f64,
     lost: u64,
@@ -26,21 +27,19 @@ impl Readout {
 
     /// Adds a frame: its attitude, levelled if the vertical is known, and the number of frames lost so far.
     pub(super) fn frame(&mut self, attitude: &UnitQuaternion<f64>, telemetry: &Telemetry, lost: u64) {
-        let euler = Euler::of(attitude);
-        let yaw_deg = self.unwrap.next(euler.yaw_deg);
-        self.latest = Some((Euler { yaw_deg, ..euler }, *telemetry));
+        self.latest = Some((self.unwrap.angles_deg(attitude), *telemetry));
         self.lost = lost;
     }
 
     /// Returns the latest yaw since its zero, pitch and roll, degrees.
     pub(super) fn angles_deg(&self) -> [f64; 3] {
-        let angles = self.latest.map_or_else(Euler::default, |(angles, _)| angles);
-        [angles.yaw_deg - self.zero_deg, angles.pitch_deg, angles.roll_deg]
+        let [yaw_deg, pitch_deg, roll_deg] = self.latest.map_or([0.0; 3], |(angles_deg, _)| angles_deg);
+        [yaw_deg - self.zero_deg, pitch_deg, roll_deg]
     }
 
     /// Makes the latest yaw the zero of later ones.
     pub(super) fn zero_yaw(&mut self) {
-        self.zero_deg = self.latest.map_or(0.0, |(angles, _)| angles.yaw_deg);
+        self.zero_deg = self.latest.map_or(0.0, |(angles_deg, _)| angles_deg[0]);
     }
 }
 

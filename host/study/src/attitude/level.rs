@@ -161,7 +161,7 @@ impl RestForce {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Euler;
+    use super::super::euler_deg;
     use super::*;
 
     const DT: f64 = 0.005;
@@ -204,11 +204,11 @@ mod tests {
             attitude = filtered;
         }
         let leans_deg = (bias / (1.0 + bias.z)).xy().map(|lean| lean.atan().to_degrees());
-        assert!((Euler::of(&attitude).pitch_deg + leans_deg.x).abs() < 0.02, "{attitude:?}");
+        assert!((euler_deg(&attitude)[1] + leans_deg.x).abs() < 0.02, "{attitude:?}");
         let level = rest.level(1.0).unwrap();
         assert!(level.is_bias() && (level.tilt_deg() - leans_deg.norm()).abs() < 0.02, "{level:?}");
-        let upright = Euler::of(&level.levelled(attitude));
-        assert!(upright.pitch_deg.abs() < 0.01 && upright.roll_deg.abs() < 0.01, "{upright:?}");
+        let upright = euler_deg(&level.levelled(attitude));
+        assert!(upright[1].abs() < 0.01 && upright[2].abs() < 0.01, "{upright:?}");
 
         let mut leveller = Leveller::new(&level, 1.0);
         let (mut worst, mut last) = (0f64, upright);
@@ -217,13 +217,13 @@ mod tests {
             let rate = |from, to| if (from..to).contains(&i) { 1.0 / f64::from(to - from) } else { 0.0 };
             let vertical = board.truth.inverse() * Vector3::z() * (120_f64.to_radians() * rate(1000, 3000));
             let (filtered, _) = board.turn(Vector3::y() * (16_f64.to_radians() * rate(0, 1000)) + vertical);
-            last = Euler::of(&leveller.levelled(filtered, f64::from(i) * DT));
-            let truth = Euler::of(&board.truth);
-            worst = worst.max((last.pitch_deg - truth.pitch_deg).abs()).max((last.roll_deg - truth.roll_deg).abs());
+            last = euler_deg(&leveller.levelled(filtered, f64::from(i) * DT));
+            let truth = euler_deg(&board.truth);
+            worst = worst.max((last[1] - truth[1]).abs()).max((last[2] - truth[2]).abs());
         }
         assert!(worst < in_motion_deg, "in motion: {worst}");
-        assert!((last.pitch_deg - 16.0).abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");
-        assert!((last.yaw_deg - 120.0).abs() < 0.1, "{last:?}");
+        assert!((last[1] - 16.0).abs() < 0.01 && last[2].abs() < 0.01, "{last:?}");
+        assert!((last[0] - 120.0).abs() < 0.1, "{last:?}");
         rest.clear();
         assert_eq!(rest.level(1.0), None, "the robot moved");
     }
@@ -242,14 +242,14 @@ mod tests {
             }
             let level = rest.level(1.0).unwrap();
             let mut leveller = Leveller::new(&level, 1.0);
-            let zero = Euler::of(&level.levelled(board.filter)).yaw_deg;
-            let mut last = Euler::default();
+            let [zero, ..] = euler_deg(&level.levelled(board.filter));
+            let mut last = 0.0;
             for i in 0..6000 {
                 let rate = |t: f64| 186_f64.to_radians() * (-t / 1.5).exp() / 1.5;
                 let (filtered, _) = board.turn(-Vector3::z() * rate(f64::from(i) * DT) * DT);
-                last = Euler::of(&leveller.levelled(filtered, f64::from(i) * DT));
+                [last, ..] = euler_deg(&leveller.levelled(filtered, f64::from(i) * DT));
             }
-            let turned = last.yaw_deg - zero - Euler::of(&board.truth).yaw_deg;
+            let turned = last - zero - euler_deg(&board.truth)[0];
             let wrong = turned - 360.0 * (turned / 360.0).round();
             println!("{bias:?}: {wrong:.3} degrees");
             assert!(wrong.abs() < 0.03, "{bias:?}: {wrong} degrees");

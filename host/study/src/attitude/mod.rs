@@ -50,23 +50,10 @@ pub(crate) fn wrapped(deg: f64) -> f64 {
     deg - 360.0 * (deg / 360.0).round()
 }
 
-/// Yaw, pitch and roll.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Euler {
-    /// About the world's z, degrees.
-    pub yaw_deg: f64,
-    /// About the y axis after the yaw, degrees.
-    pub pitch_deg: f64,
-    /// About the x axis after yaw and pitch, degrees.
-    pub roll_deg: f64,
-}
-
-impl Euler {
-    /// Returns the angles of an attitude, with yaw within ±180°.
-    pub fn of(attitude: &UnitQuaternion<f64>) -> Self {
-        let [yaw, pitch, roll] = euler_zyx(attitude);
-        Self { yaw_deg: yaw.to_degrees(), pitch_deg: pitch.to_degrees(), roll_deg: roll.to_degrees() }
-    }
+/// Returns yaw, pitch and roll of an attitude, degrees: about the world's z, within ±180°, about the y axis after that, and about
+/// the x axis after both.
+pub fn euler_deg(attitude: &UnitQuaternion<f64>) -> [f64; 3] {
+    euler_zyx(attitude).map(f64::to_degrees)
 }
 
 /// Returns the rotation of a quaternion `[w, x, y, z]`, which need not be normalised.
@@ -87,5 +74,11 @@ impl Unwrap {
         let angle = wrapped_deg + 360.0 * turns;
         self.last = Some(angle);
         angle
+    }
+
+    /// Returns yaw, pitch and roll of an attitude as [`euler_deg`] does, with the unwrapped yaw.
+    pub fn angles_deg(&mut self, attitude: &UnitQuaternion<f64>) -> [f64; 3] {
+        let [yaw, pitch, roll] = euler_deg(attitude);
+        [self.next(yaw), pitch, roll]
     }
 }

@@ -1,6 +1,6 @@
 //! The attitude over a trial, with the data for estimating the drift of its yaw.
 
-use super::{Columns, Euler, Reading, Track, Unwrap, rotation};
+use super::{Columns, Reading, Track, Unwrap, rotation};
 use nalgebra::{UnitQuaternion, Vector3};
 use sim::body::attitude::rotation_between;
 use std::ops::Range;
@@ -37,8 +37,7 @@ impl Series {
     pub fn push(&mut self, time_s: f64, reading: &Reading) {
         let attitude = rotation(reading.attitude);
         let passed_s = self.angles_deg.time_s.last().map_or(0.0, |before| (time_s - before).max(0.0));
-        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
-        self.angles_deg.push(time_s, [self.unwrap.next(yaw_deg), pitch_deg, roll_deg]);
+        self.angles_deg.push(time_s, self.unwrap.angles_deg(&attitude));
         self.temperature_c.push(time_s, [reading.temperature_c]);
         if let Some(last) = self.last.replace(attitude) {
             // The rotation is relative to the previous body axes.

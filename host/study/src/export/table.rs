@@ -1,6 +1,6 @@
 //! Tables of trials and sessions: columns with names, units and values.
 
-use crate::attitude::{Euler, Reading, Track, rotation};
+use crate::attitude::{Reading, Track, euler_deg, rotation};
 use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
 use crate::trial::{AngleTerm, Angles, Data, FRAME, Finding, Judged, SwingSpeeds, TRUTH, Zeroed};
@@ -211,7 +211,6 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     let first = if data.is_model() { 0 } else { data.calibrated };
     let shift_s = data.readings.get(first).zip(zeroed.angles_deg.time_s.first()).map_or(0.0, |((t, _), s)| s - t);
     let row = |(i, (frame_s, reading)): (usize, &(f64, Reading))| {
-        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation(reading.attitude));
         let at = match data.is_model() {
             true => index_at(&zeroed.angles_deg.time_s, *frame_s),
             false => i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len()),
@@ -221,7 +220,7 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
             time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
             frame_s: *frame_s,
             angles_deg: at.map(|at| zeroed.angles_deg.row(at)),
-            board_deg: [yaw_deg, pitch_deg, roll_deg],
+            board_deg: euler_deg(&rotation(reading.attitude)),
             temperature_c: reading.temperature_c,
         }
     };

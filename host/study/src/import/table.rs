@@ -2,7 +2,7 @@
 
 use super::mapping::{Place, Value};
 use super::{ImportError, Mapping, Quantity};
-use crate::attitude::{Euler, Unwrap, rotation};
+use crate::attitude::{Unwrap, euler_deg, rotation};
 use crate::text::hex;
 use biflag_log::ImportMeta;
 use sha2::{Digest, Sha256};
@@ -182,8 +182,7 @@ impl Table {
                     let help = "check the columns qw, qx, qy, qz";
                     return Err(ImportError::table(&format!("{}, line {line}", self.name), reason, help));
                 }
-                let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation([w, x, y, z]));
-                [yaw_deg, pitch_deg, roll_deg]
+                euler_deg(&rotation([w, x, y, z]))
             }
             _ => [0, 1, 2].map(|angle| of(Quantity::Angle(angle)).unwrap_or(f64::NAN)),
         };

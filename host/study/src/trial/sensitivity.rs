@@ -191,7 +191,7 @@ pub(super) fn tilts_by_bias(tilt_deg: [f64; 2], filter_s: f64) -> [[f64; 3]; 2] 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::Euler;
+    use crate::attitude::euler_deg;
     use nalgebra::{Matrix3, Rotation3};
 
     const DT: f64 = 0.005;
@@ -240,8 +240,8 @@ mod tests {
     }
 
     fn difference_deg(one: UnitQuaternion<f64>, other: UnitQuaternion<f64>) -> [f64; 3] {
-        let (one, other) = (Euler::of(&one), Euler::of(&other));
-        [one.yaw_deg - other.yaw_deg, one.pitch_deg - other.pitch_deg, one.roll_deg - other.roll_deg]
+        let (one, other) = (euler_deg(&one), euler_deg(&other));
+        [0, 1, 2].map(|k| one[k] - other[k])
     }
 
     #[test]

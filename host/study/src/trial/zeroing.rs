@@ -17,7 +17,7 @@ use super::righting::{left_deg, righting_s, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
 use super::zero::{Known, Zeroed};
-use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation};
+use crate::attitude::{Columns, Drift, Level, Leveller, Reading, Rest, Series, euler_deg, rotation};
 use biflag_log::Origin;
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
@@ -74,9 +74,9 @@ impl Zeroed {
             (run.start..run.start, run.start - 0.1..run.start + 0.1)
         };
         let tilt = if data.times.has_run() { mean(&readings, &tilt_over) } else { None };
-        let zero = Euler::of(&tilt.unwrap_or_default());
+        let [_, pitch_deg, roll_deg] = euler_deg(&tilt.unwrap_or_default());
         // The sensor is mounted askew in the body: measured = true * askew. The zero of the yaw is not part of `askew`.
-        let askew = of_euler_zyx([0.0, zero.pitch_deg.to_radians(), zero.roll_deg.to_radians()]);
+        let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
         let mut series = Series::new(data.settings().is_some_and(|settings| settings.attitude_ki != 0.0));
         for (time, reading) in &readings {
             let q = (rotation(reading.attitude) * askew.inverse()).into_inner();
@@ -126,7 +126,7 @@ impl Zeroed {
         }
         Self {
             angles_deg,
-            zero_deg: [yaw_zero, zero.pitch_deg + levelled_away[0], zero.roll_deg + levelled_away[1]],
+            zero_deg: [yaw_zero, pitch_deg + levelled_away[0], roll_deg + levelled_away[1]],
             run,
             from_s,
             turned_deg,
@@ -143,7 +143,7 @@ impl Zeroed {
         let still = data.times.preroll.start.max(run.start - START_S)..run.start;
         let has_still = still.end - still.start > 0.5 * START_S;
         let zero = mean(&data.readings, &still).filter(|_| has_still && data.times.has_run());
-        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&zero.unwrap_or_default());
+        let [yaw_deg, pitch_deg, roll_deg] = euler_deg(&zero.unwrap_or_default());
         let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
         let mut series = Series::default();
         for (time, reading) in &data.readings {

@@ -1,7 +1,7 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::{Rule, Section};
-use crate::attitude::{Euler, LARGEST_TILT_DEG, Reading, Track, rotation, tilt_deg, wrapped};
+use crate::attitude::{LARGEST_TILT_DEG, Reading, Track, euler_deg, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Conduct;
@@ -124,7 +124,7 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
     let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
     let askew = of([0.0, pitch_deg, roll_deg]);
-    let Euler { yaw_deg: yaw, pitch_deg: pitch, roll_deg: roll } = Euler::of(&(askew.inverse() * of(body) * askew));
+    let [yaw, pitch, roll] = euler_deg(&(askew.inverse() * of(body) * askew));
     // The yaw may have made full turns.
     let yaw = body[0] + wrapped(yaw - body[0]);
     let others = [yaw, pitch, roll];

@@ -1,7 +1,7 @@
 //! Findings about the frame of the angles: a robot hangs upright at rest, tilts only so far, and turns against its motors.
 
 use super::{Rule, Section};
-use crate::attitude::{Euler, LARGEST_TILT_DEG, tilt_deg, wrapped};
+use crate::attitude::{LARGEST_TILT_DEG, euler_deg, tilt_deg, wrapped};
 use crate::text::either;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Upright;
@@ -96,13 +96,13 @@ fn frames(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     let over = [zeroed.from_s..zeroed.run.start, steady.window.clone()].map(|over| mean(&data.readings, &over));
     let [Some(rest), Some(run)] = over else { return Vec::new() };
     let is_possible = |of: &dyn Fn(Turn) -> Turn| {
-        let Euler { yaw_deg: from_deg, pitch_deg, roll_deg } = Euler::of(&of(rest));
+        let [from_deg, pitch_deg, roll_deg] = euler_deg(&of(rest));
         let askew = of_euler_zyx([0.0, pitch_deg.to_radians(), roll_deg.to_radians()]);
-        let end = Euler::of(&(of(run) * askew.inverse()));
-        let yaw_deg = wrapped(end.yaw_deg - from_deg);
+        let end = euler_deg(&(of(run) * askew.inverse()));
+        let yaw_deg = wrapped(end[0] - from_deg);
         let has_sense =
             sense(data).is_none_or(|sense| yaw_deg * sense > -LEAST_YAW_DEG || yaw_deg.abs() > HALF_TURN_DEG);
-        let is_tilted = tilt_deg(end.pitch_deg, end.roll_deg) > most_deg;
+        let is_tilted = tilt_deg(end[1], end[2]) > most_deg;
         has_sense && !is_tilted && tilt_deg(pitch_deg, roll_deg) <= LARGEST_TILT_DEG
     };
     let of = |w, x, y, z| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
