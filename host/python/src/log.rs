@@ -14,7 +14,8 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
-use study::export::table::{self, Summary};
+use study::export::session::{self, Summary};
+use study::export::trial;
 use study::plan::RobotFile;
 use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{Judged, Repeat, Want, scatter_of_repeats};
@@ -31,7 +32,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let want = Want { forces: true, frames: true, shapes: SHAPES, hash: false };
     let read = |_: &_| {
         let trial = Attempt::of_log(&path).read(want).map_err(|error| Failure::of_file(&path, &error))?;
-        let rows = table::trial(&trial);
+        let rows = trial::table(&trial);
         Ok((trial, rows))
     };
     let (Judged { data, angles: zeroed, findings: found, not_judged }, rows) = interruptible(py, read)?;
@@ -142,7 +143,7 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
         let read: Vec<_> = states.par_iter().filter_map(read).collect();
         let unreadable: Vec<String> = read.iter().filter_map(|one| one.as_ref().err().cloned()).collect();
         let summaries: Vec<_> = read.into_iter().flatten().collect();
-        Ok((table::session(&session.plan().name, &summaries), unreadable))
+        Ok((session::table(&session.plan().name, &summaries), unreadable))
     })?;
     for text in unreadable {
         let text = CString::new(format!("a trial is left out of the table: {text}").replace('\0', ""))?;

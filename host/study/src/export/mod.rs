@@ -2,18 +2,21 @@
 
 pub(crate) mod csv;
 pub(crate) mod parquet;
+pub mod session;
 pub mod table;
+pub mod trial;
 
 use crate::output::{self, OutputError};
 use crate::session::{Attempt, Session, SessionError};
 use crate::trial::{Judged, LogFinding, Want, Zeroed};
 use biflag_log::LogError;
 use miette::Diagnostic;
+use session::Summary;
 use sim::body::attitude::of_euler_zyx;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use table::Summary;
+use table::Table;
 use thiserror::Error;
 
 /// An export format.
@@ -161,7 +164,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         trials.push(Summary::new(&state.trial, trial, name));
     }
     let name = &session.plan().name;
-    for (file, table) in [(table, table::session(name, &trials)), (budget, table::budget(name, &trials))] {
+    for (file, table) in [(table, session::table(name, &trials)), (budget, session::budget(name, &trials))] {
         write_table(&table, &file, format, replace)?;
         exported.files.push(file);
     }
@@ -178,12 +181,12 @@ fn write_trial(trial: &Judged, output: &Path, format: Format, replace: bool) -> 
         })?;
         return Ok(rows);
     }
-    let table = table::trial(trial);
+    let table = trial::table(trial);
     write_table(&table, output, format, replace)?;
     Ok(table.rows())
 }
 
-fn write_table(table: &table::Table, output: &Path, format: Format, replace: bool) -> Result<(), ExportError> {
+fn write_table(table: &Table, output: &Path, format: Format, replace: bool) -> Result<(), ExportError> {
     write(output, replace, |file| match format {
         Format::Parquet => parquet::write(table, file),
         Format::Csv | Format::Tum => csv::write(table, file),

@@ -75,7 +75,8 @@ impl Judged {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::table::{Summary, Values, session};
+    use crate::export::session::{self, Summary};
+    use crate::export::table::Values;
     use crate::plan::Plan;
     use crate::trial::findings::Rule;
     use crate::trial::{Collector, FindingKind, Records};
@@ -114,7 +115,7 @@ mod tests {
         // A warning takes the uncertainties away.
         assert!(alone.steady_angles().is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()));
         let plan = Plan::of_speeds([5000, 1000].map(protocol::units::CentiRpm), "", "").unwrap();
-        let trials = session("a", &[Summary::new(&plan.trials[0], after, String::new())]);
+        let trials = session::table("a", &[Summary::new(&plan.trials[0], after, String::new())]);
         let texts = trials.columns.iter().filter_map(|column| match &column.values {
             Values::Text(texts) => Some(texts.concat()),
             _ => None,
