@@ -1,41 +1,38 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
+mod recorded;
 mod row;
+mod trials;
 mod viewers;
 
-use super::answer::{Answer, Outcome, WRONG_USE, finding_line};
+pub(super) use trials::check_trial;
+
+use super::answer::{Answer, Outcome, WRONG_USE};
 use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
 use super::{board_sensor, plan, settings, virtual_board};
+use crate::colour;
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::line::Lines;
 use crate::plan::{EXAMPLE, Plan, Schedule, Trial, board};
-use crate::preview::{Preview, amount, end_after};
+use crate::preview::{amount, end_after};
 use crate::progress::Progress;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{
-    self, Notes, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, lines, park, preflight,
-};
+use crate::run::rig::{Notes, RecordError, SimulatedRobot, VirtualNano, lines, park, preflight};
 use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
-use crate::trial::{LogFinding, Want};
-use crate::{colour, run, text};
-use biflag_log::{BoardMeta, Origin};
+use biflag_log::Origin;
 use protocol::units::CentiRpm;
 use protocol::{Command, SpeedFrom};
-use row::RecordedTrial;
-use serde::Serialize;
+use recorded::Recorded;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::SystemTime;
+use std::sync::atomic::AtomicBool;
 use study::lock::lock;
 use system::shell;
+use trials::Rig;
 use viewers::Viewers;
-
-/// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
-const CALIBRATIONS: usize = 3;
 
 /// Run the trials of a plan, or one pair of speeds, on the rig and write a log of each.
 ///
@@ -97,15 +94,6 @@ pub struct Args {
     /// Continue a session, skipping the trials that are complete.
     #[arg(long)]
     resume: bool,
-}
-
-#[derive(Debug, Default, Serialize)]
-struct Recorded {
-    #[serde(serialize_with = "crate::text::path")]
-    session: PathBuf,
-    trials: Vec<RecordedTrial>,
-    /// Findings about logs in the folder that are none of the session's.
-    left_out: Vec<LogFinding>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -310,182 +298,11 @@ fn continuation() -> String {
     if command.split(' ').any(|word| word == "--resume") { command } else { format!("{command} --resume") }
 }
 
-impl Recorded {
-    /// Returns the complete trials of a session with these states, and the trials that are left.
-    fn of(session: PathBuf, states: Vec<TrialState>) -> miette::Result<(Self, Vec<Trial>)> {
-        let (mut recorded, mut todo) = (Self { session, ..Self::default() }, Vec::new());
-        for state in states {
-            recorded.left_out.extend(state.left_out.iter().cloned());
-            let Some(attempt) = state.complete() else {
-                todo.push(state.trial);
-                continue;
-            };
-            let trial = attempt.read(Want::default())?;
-            let run = RigRun {
-                summary: attempt.summary.clone().unwrap_or_default(),
-                angles: trial.steady_angles(),
-                run_s: trial.data.times.run_s(),
-                error: None,
-                findings: trial.findings,
-                notes: Vec::new(),
-            };
-            let row = RecordedTrial::of_run(&state.trial, attempt.path.clone(), &run, trial.data.origin());
-            recorded.trials.push(row);
-        }
-        Ok((recorded, todo))
-    }
-
-    /// Prints what was found about logs that are none of the session's.
-    fn say_left_out(&self, progress: &Progress) {
-        self.left_out.iter().for_each(|left_out| progress.line(&finding_line(None, &left_out.finding)));
-    }
-
-    /// Returns how the command ends by what is recorded so far.
-    fn outcome(&self) -> Outcome {
-        Outcome::of(self.left_out.is_empty() && self.trials.iter().all(|trial| trial.warnings.is_empty()))
-    }
-
-    /// Returns the end of a command that had `todo` trials to record.
-    fn end(&self, outcome: Outcome, todo: usize) -> String {
-        let session = shell::quoted(&self.session.to_string_lossy());
-        let table = if self.trials.len() > 1 { row::table(&self.trials) } else { String::new() };
-        let then = match outcome {
-            Outcome::Interrupted => "interrupted, the motors are stopped".to_owned(),
-            _ if todo == 0 => format!("nothing left to do: {} complete", text::count(self.trials.len(), "trial")),
-            // A model has nothing to say about a robot at rest, or one that is turned by hand.
-            _ if self.trials.iter().all(|trial| trial.w1_rpm == 0.0 && trial.w2_rpm == 0.0) => {
-                format!("next: biflag info {session}")
-            }
-            _ => format!("next: biflag compare {session}"),
-        };
-        format!("{table}session {}\n{then}", self.session.display())
-    }
-}
-
-/// What records the trials of a session.
-struct Rig<'a> {
-    link: Link,
-    interrupted: &'a AtomicBool,
-    robot: Option<SimulatedRobot>,
-    lines: Option<Lines>,
-    typed: Notes,
-    session: Session,
-    plan: Plan,
-    origin: Origin,
-    viewers: Viewers,
-}
-
-impl Rig<'_> {
-    /// Prints what is found about the plan, the session and its logs before the first trial.
-    fn say_what_is_known(&self, knows_angles: bool, recorded: &Recorded, progress: &Progress) {
-        // Without encoders no command makes them known.
-        let preview = Preview::of(&self.plan, knows_angles || self.lines.is_some());
-        let findings = self.session.clock_behind().into_iter().chain(preview.findings);
-        findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
-        recorded.say_left_out(progress);
-    }
-
-    /// Records trials one after another. Returns whether nothing was lost and nothing is to be warned of.
-    fn record(
-        &self,
-        todo: &[Trial],
-        mut player: Option<&mut VirtualNano>,
-        recorded: &mut Recorded,
-        progress: &mut Progress,
-    ) -> miette::Result<bool> {
-        let (mut is_lossless, mut followed) = (true, self.lines.clone());
-        for (done, trial) in todo.iter().enumerate() {
-            if self.interrupted.load(Ordering::Relaxed) {
-                return Err(RecordError::Interrupted.into());
-            }
-            let (player, robot, lines) = (player.as_deref_mut(), self.robot.as_ref(), followed.as_ref());
-            let context = RunContext::new(&self.link, progress, self.interrupted);
-            let mut context = RunContext { player, robot, lines, typed: Notes::clone(&self.typed), ..context };
-            let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
-            check_trial(&context, &recorded.session, rest_s)?;
-            park_for(&context, trial)?;
-            self.viewers.session(&recorded.trials, Some(trial));
-            let (path, run) = self.trial(&mut context, trial)?;
-            progress.end_trial(trial.phases.total_s());
-            let mut row = RecordedTrial::of_run(trial, path, &run, self.origin);
-            if let (Some(turn), Some(angles)) = (self.plan.hand_turn, &row.angles) {
-                let (verdict, agrees) = turn.verdict(angles.turned_deg);
-                row.hand_turn = Some(verdict);
-                if !agrees {
-                    row.warnings.push("the sensor did not measure the turn made by hand".to_owned());
-                }
-            }
-            progress.line(&row.to_string());
-            let turned_rpm = row.angles.as_ref().and_then(|angles| angles.measured.rpm());
-            if let (Some(lines), Some(turned_rpm)) = (&mut followed, turned_rpm) {
-                lines.follow(trial.speeds, turned_rpm);
-            }
-            is_lossless &= run.summary.link.is_lossless() && row.warnings.is_empty();
-            recorded.trials.push(row);
-            self.viewers.session(&recorded.trials, None);
-            if let Some(error) = run.error {
-                return Err(error.into());
-            }
-        }
-        Ok(is_lossless)
-    }
-
-    /// Runs a trial and writes its log. A robot that moves during the calibration has two more attempts to come to rest,
-    /// because a session of many hours should not end with one push of the table. Each attempt has a log and a line.
-    fn trial(&self, context: &mut RunContext, trial: &Trial) -> miette::Result<(PathBuf, RigRun)> {
-        let mut calibrations = 1;
-        loop {
-            context.tap = self.viewers.tap(trial);
-            let (path, mut run) = self.attempt(context, trial)?;
-            let refused = match &run.error {
-                Some(RecordError::Preflight(refused)) if refused.may_pass_at_rest() => refused.to_string(),
-                _ => return Ok((path, run)),
-            };
-            if calibrations == CALIBRATIONS {
-                return Ok((path, run));
-            }
-            if context.interrupted.load(Ordering::Relaxed) {
-                run.error = Some(RecordError::Interrupted);
-                return Ok((path, run));
-            }
-            calibrations += 1;
-            context.progress.line(&RecordedTrial::of_run(trial, path, &run, self.origin).to_string());
-            context.progress.line(&format!("{}: {refused}; calibration {calibrations} begins", trial.name));
-        }
-    }
-
-    /// Runs a trial once.
-    fn attempt(&self, context: &mut RunContext, trial: &Trial) -> miette::Result<(PathBuf, RigRun)> {
-        let (attempt, path) = self.session.next_attempt(trial)?;
-        // A calibration changes the board's settings, so each log contains those at its start.
-        let settings = settings::read(context.link)?;
-        let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
-        // The positions of the shafts are those of now.
-        let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
-        let start = run::start(&self.plan, trial, attempt, self.origin, Some(board), SystemTime::now());
-        let run = rig::run(context, &path, &start, trial, settings)?;
-        Ok((path, run))
-    }
-}
-
 /// Refuses a board that has forgotten its settings; keeps a copy of those of another. Returns a note for the user.
 pub(super) fn check_settings(link: &Link) -> miette::Result<Option<String>> {
     let copies = BoardCopies::of_user();
     preflight::settings(link, copies.as_ref())?;
     Ok(settings::keep(copies.as_ref(), &settings::read(link)?))
-}
-
-/// Checks disk and board before a trial. `rest_s` is the duration of the trials that are left.
-pub(super) fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
-    preflight::room(folder, rest_s, context.robot.is_some())?;
-    preflight::supply(context.link, context.interrupted)
-}
-
-/// Turns the flagella to the starting angles of a trial, if it has some.
-fn park_for(context: &RunContext, trial: &Trial) -> Result<(), RecordError> {
-    let Some(angles_deg) = trial.phase_deg else { return Ok(()) };
-    context.progress.phase(&trial.name, "to its starting angles");
-    park::park(context.link, angles_deg, trial.speeds, &settings::read(context.link)?, context.interrupted)
 }
 
 /// Sends the plan's settings to the board.
