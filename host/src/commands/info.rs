@@ -90,9 +90,31 @@ impl Lines {
 /// `is_open`: whether the log is being recorded.
 fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String {
     let records = &data.records;
-    let angles = zeroed.angles();
     let mut lines = Lines::default();
     lines.add("log", path.display());
+    describe_setup(&mut lines, data);
+    lines.add("duration", format!("{:.3} s", data.duration_s));
+    let link = Some(data.link).filter(|_| data.origin() != Origin::Imported);
+    lines.add("link", link.map_or_else(String::new, |link| link.to_string()));
+    describe_results(&mut lines, data, zeroed);
+    let notes: Vec<_> = data.notes().map(|(time_s, text)| format!("{time_s:.2} s: {text}")).collect();
+    lines.add("notes", notes.join("\n"));
+    let counts: Vec<_> = data.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
+    lines.add("channels", counts.join(", "));
+    lines.add("ended", records.summary.as_ref().map_or_else(|| "without a summary".to_owned(), ending));
+    if let Some(recovery) = &records.recovery {
+        lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
+    }
+    lines.add("condition", condition(data, is_open));
+    for loss in data.losses.iter().filter(|_| !is_open) {
+        lines.add("  lost", loss);
+    }
+    lines.0
+}
+
+/// Adds what recorded the log, and what was to be done in the trial.
+fn describe_setup(lines: &mut Lines, data: &Data) {
+    let records = &data.records;
     if let Some(identity) = &records.identity {
         lines.add("created", &identity.created);
         let program = format!("biflag {} ({})", identity.host_version, identity.host_git_hash);
@@ -127,9 +149,11 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
     if let Some(clock) = &records.clock {
         lines.add("clock", text::clock(clock));
     }
-    lines.add("duration", format!("{:.3} s", data.duration_s));
-    let link = Some(data.link).filter(|_| data.origin() != Origin::Imported);
-    lines.add("link", link.map_or_else(String::new, |link| link.to_string()));
+}
+
+/// Adds the steady state of a model, and the steady angles.
+fn describe_results(lines: &mut Lines, data: &Data, zeroed: &Zeroed) {
+    let records = &data.records;
     if let Some(steady) = &records.steady {
         match steady.kind {
             Some(kind) => lines.add("motion", kind.name().replace('_', " ")),
@@ -140,40 +164,19 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
         let over = steady.gap_of();
         lines.add("flagella", format!("{}, smallest gap {gap_mm:.2} mm in the {over}", word(&steady.bundling)));
     }
-    if let Some(angles) = &angles {
-        match hand_turn(records) {
-            Some(turn) => lines.add("hand turn", turn.verdict(angles.turned_deg).0),
-            None => {
-                lines.add("steady", angles);
-                if !data.is_model() {
-                    lines.add("swings at", &angles.measured);
-                }
-                lines.add(
-                    "of the yaw's ±",
-                    zeroed
-                        .steady
-                        .as_ref()
-                        .and_then(|steady| steady.budgets[0].as_ref())
-                        .map_or_else(String::new, shares),
-                );
-            }
+    let Some(angles) = zeroed.angles() else { return };
+    if let Some(turn) = hand_turn(records) {
+        lines.add("hand turn", turn.verdict(angles.turned_deg).0);
+    } else {
+        lines.add("steady", &angles);
+        if !data.is_model() {
+            lines.add("swings at", &angles.measured);
         }
-        let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
-        lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
+        let budget = zeroed.steady.as_ref().and_then(|steady| steady.budgets[0].as_ref());
+        lines.add("of the yaw's ±", budget.map_or_else(String::new, shares));
     }
-    let notes: Vec<_> = data.notes().map(|(time_s, text)| format!("{time_s:.2} s: {text}")).collect();
-    lines.add("notes", notes.join("\n"));
-    let counts: Vec<_> = data.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
-    lines.add("channels", counts.join(", "));
-    lines.add("ended", records.summary.as_ref().map_or_else(|| "without a summary".to_owned(), ending));
-    if let Some(recovery) = &records.recovery {
-        lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
-    }
-    lines.add("condition", condition(data, is_open));
-    for loss in data.losses.iter().filter(|_| !is_open) {
-        lines.add("  lost", loss);
-    }
-    lines.0
+    let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
+    lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
 }
 
 fn condition(data: &Data, is_open: bool) -> String {
