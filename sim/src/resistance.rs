@@ -175,7 +175,7 @@ fn add_images(robot: &Robot, flagella: &[Flagellum], points: &[V3], mobility: &m
     flow.begin(&lines, &upright);
     let mut add = |column: usize, lines: &[Line], forces: &[f64]| {
         flow.update(lines, forces, &upright);
-        for (i, u) in flow.flow().iter().enumerate() {
+        for (i, u) in flow.flow.iter().enumerate() {
             let mut entry = mobility.fixed_view_mut::<3, 1>(3 * i, column);
             entry += u;
         }

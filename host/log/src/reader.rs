@@ -81,7 +81,7 @@ pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
     // A log of a newer format is checked, too.
     let mut reader = Reader::over(path)?;
     while !matches!(reader.step()?, Step::End) {}
-    Ok(reader.losses().to_vec())
+    Ok(reader.scanner.losses)
 }
 
 /// A log being read: an iterator over its messages, in the order in which they were written.
@@ -119,7 +119,7 @@ impl Reader {
         }
         // A program that rewrites a log may put the metadata at its end.
         let identity = match reader.meta::<Identity>() {
-            None if !reader.scanner.is_original() => last_table(open(path)?, Identity::NAME)
+            None if !reader.scanner.is_original => last_table(open(path)?, Identity::NAME)
                 .map_err(|source| LogError::reading(path, source))?
                 .and_then(|table| {
                     let identity = table::from_table(&table);
@@ -190,7 +190,7 @@ impl Reader {
     /// Computes the SHA-256 of the file while reading it.
     #[must_use]
     pub fn hashing(mut self) -> Self {
-        self.scanner.source_mut().hash();
+        self.scanner.source.hash();
         self
     }
 
@@ -199,22 +199,22 @@ impl Reader {
     /// # Errors
     /// [`LogError::Read`] if the rest of the file cannot be read.
     pub fn sha256(&mut self) -> Result<String, LogError> {
-        self.scanner.source_mut().sha256().map_err(|source| LogError::reading(&self.path, source))
+        self.scanner.source.sha256().map_err(|source| LogError::reading(&self.path, source))
     }
 
     /// Returns the condition of the log; `None` before the last message.
     pub fn condition(&self) -> Option<Condition> {
-        self.scanner.condition()
+        self.scanner.condition
     }
 
     /// Returns the unreadable parts so far. The list is complete after the last message.
     pub fn losses(&self) -> &[Loss] {
-        self.scanner.losses()
+        &self.scanner.losses
     }
 
     /// Returns the program that wrote the file, if it was not biflag.
     pub fn rewritten_by(&self) -> Option<&str> {
-        let header = self.scanner.header().filter(|_| !self.scanner.is_original())?;
+        let header = self.scanner.header.as_ref().filter(|_| !self.scanner.is_original)?;
         Some(if header.library.is_empty() { "another program" } else { &header.library })
     }
 
@@ -244,7 +244,7 @@ impl Reader {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 // A type that was never declared is part of a loss before.
                 if schema::channel(&channel.topic).is_some_and(|spec| !schema.is_empty() && spec.schema != schema) {
-                    self.scanner.lose(self.scanner.offset(), 0, "the type of a channel");
+                    self.scanner.lose(self.scanner.offset, 0, "the type of a channel");
                 }
                 self.channels.insert(channel.id, (channel.topic, schema));
             }
@@ -257,7 +257,7 @@ impl Reader {
                 // Damage is damage of the log, whoever reads which channels.
                 let body = Body::decode(&topic, schema, data).unwrap_or_else(|data| {
                     let bytes = data.len() as u64;
-                    self.scanner.lose(self.scanner.offset(), bytes, "a message that cannot be decoded");
+                    self.scanner.lose(self.scanner.offset, bytes, "a message that cannot be decoded");
                     Body::Other(data)
                 });
                 *self.counts.entry(topic.clone()).or_default() += 1;
@@ -322,12 +322,12 @@ pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<Source>, LogEr
         return Err(LogError::Empty { path: path.to_owned() });
     }
     let mut scanner = Scanner::new(Source::new(file)).map_err(failed)?;
-    let has_magic = scanner.losses().is_empty();
-    if scanner.header().is_some_and(|header| header.profile == PROFILE || scanner.is_original()) {
+    let has_magic = scanner.losses.is_empty();
+    if scanner.header.as_ref().is_some_and(|header| header.profile == PROFILE || scanner.is_original) {
         return Ok(scanner);
     }
     let mut pieces = 0;
-    while scanner.offset() < BEGINNING {
+    while scanner.offset < BEGINNING {
         let found = match scanner.next().map_err(failed)? {
             Some(Piece::Metadata(name, _)) => name == Identity::NAME,
             Some(Piece::Chunk(mut chunk)) => chunk.any(|entry| is_ours(&entry)),

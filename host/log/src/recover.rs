@@ -68,8 +68,8 @@ fn copy(mut scanner: Scanner<Source>, from: &Path, to: &Path, file: File) -> Res
             Piece::Chunk(mut chunk) => chunk.try_for_each(|entry| copy.entry(entry)).map_err(writing)?,
         }
     }
-    let condition = scanner.condition().unwrap_or(Condition::Damaged);
-    let losses = [scanner.losses(), &left_out].concat();
+    let condition = scanner.condition.unwrap_or(Condition::Damaged);
+    let losses = [&scanner.losses[..], &left_out].concat();
     if !losses.is_empty() {
         let lost = losses.iter().map(Loss::to_string).collect::<Vec<_>>().join("; ");
         let source = from.file_name().unwrap_or_default().to_string_lossy().into_owned();

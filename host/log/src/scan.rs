@@ -50,19 +50,23 @@ pub(super) enum Piece {
 /// The scanner. It holds one record at a time.
 #[derive(Debug)]
 pub(super) struct Scanner<R> {
-    source: R,
+    /// What the log is read from.
+    pub source: R,
     length: u64,
     /// Offset of the next record.
-    offset: u64,
+    pub offset: u64,
     /// End of the last record known to be valid. A search for the next record starts here.
     resync_from: u64,
     /// CRC of everything before `offset`, as long as nothing was skipped.
     crc: crc32fast::Hasher,
-    losses: Vec<Loss>,
-    end: Option<Condition>,
-    header: Option<Header>,
+    /// The unreadable parts so far. The list is complete after the last piece.
+    pub losses: Vec<Loss>,
+    /// The condition of the log; `None` before the last piece.
+    pub condition: Option<Condition>,
+    /// The header: profile and library.
+    pub header: Option<Header>,
     /// Whether biflag wrote the file, according to its header.
-    is_original: bool,
+    pub is_original: bool,
     /// Number of bytes that searches may still read and unpack in vain.
     patience: u64,
 }
@@ -79,7 +83,7 @@ impl<R: Read + Seek> Scanner<R> {
             resync_from: offset,
             crc: crc32fast::Hasher::new(),
             losses: Vec::new(),
-            end: None,
+            condition: None,
             header: None,
             is_original: true,
             // Without a limit, a file full of false beginnings of long records would take quadratic time.
@@ -96,39 +100,9 @@ impl<R: Read + Seek> Scanner<R> {
         Ok(scanner)
     }
 
-    /// Returns the source that the log is read from.
-    pub fn source_mut(&mut self) -> &mut R {
-        &mut self.source
-    }
-
-    /// Returns the unreadable parts so far. The list is complete after the last piece.
-    pub fn losses(&self) -> &[Loss] {
-        &self.losses
-    }
-
-    /// Returns the condition of the log; `None` before the last piece.
-    pub fn condition(&self) -> Option<Condition> {
-        self.end
-    }
-
-    /// Returns the header: profile and library.
-    pub fn header(&self) -> Option<&Header> {
-        self.header.as_ref()
-    }
-
-    /// Returns whether biflag wrote the file, according to its header.
-    pub fn is_original(&self) -> bool {
-        self.is_original
-    }
-
-    /// Returns the offset of the next record.
-    pub fn offset(&self) -> u64 {
-        self.offset
-    }
-
     /// Returns the next readable piece; `None` after the last.
     pub fn next(&mut self) -> io::Result<Option<Piece>> {
-        while self.end.is_none() {
+        while self.condition.is_none() {
             let at = self.offset;
             let what = match self.head_at(at)? {
                 None => "unreadable records",
@@ -267,7 +241,7 @@ impl<R: Read + Seek> Scanner<R> {
                 _ => {}
             }
         }
-        Ok(last.filter(|_| self.end.is_some_and(Condition::is_whole)))
+        Ok(last.filter(|_| self.condition.is_some_and(Condition::is_whole)))
     }
 
     fn advance(&mut self, record: &RawRecord) {
@@ -305,7 +279,7 @@ impl<R: Read + Seek> Scanner<R> {
             Chunk::default()
         };
         self.lose(from, rest, if is_cut { "the end" } else { "the end, which cannot be read" });
-        self.end = Some(if is_cut && self.losses.len() == 1 { Condition::CutOff } else { Condition::Damaged });
+        self.condition = Some(if is_cut && self.losses.len() == 1 { Condition::CutOff } else { Condition::Damaged });
         Ok((!chunk.is_empty()).then_some(Piece::Chunk(chunk)))
     }
 
@@ -322,7 +296,7 @@ impl<R: Read + Seek> Scanner<R> {
         if !intact {
             self.lose(start, index.len() as u64, "the index at the end");
         }
-        self.end = Some(match (self.losses.is_empty(), unbroken && !intact && !complete) {
+        self.condition = Some(match (self.losses.is_empty(), unbroken && !intact && !complete) {
             (true, _) if self.is_original => Condition::Clean,
             (true, _) => Condition::Rewritten,
             (false, true) if self.losses.len() == 1 => Condition::CutOff,

@@ -14,7 +14,8 @@ type Term = (usize, usize, f64);
 /// Weights between fine and coarse points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Coarse {
-    count: usize,
+    /// Number of coarse points.
+    pub count: usize,
     gather: Vec<Term>,
     spread: Vec<Term>,
 }
@@ -84,11 +85,6 @@ impl Coarse {
     pub fn identity(count: usize) -> Self {
         let terms: Vec<Term> = (0..count).map(|i| (i, i, 1.0)).collect();
         Self { count, gather: terms.clone(), spread: terms }
-    }
-
-    /// Returns the number of coarse points.
-    pub fn count(&self) -> usize {
-        self.count
     }
 
     /// Adds the forces of the fine points to those of the coarse ones.

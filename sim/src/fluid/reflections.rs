@@ -45,28 +45,28 @@ impl Reflections {
     /// and largest corner of the box that holds the robot, m. `None` for a single wall or surface, whose image is
     /// exact.
     pub fn new(walls: &Walls, near: &Walls, robot: [V3; 2]) -> Option<Self> {
-        if walls.planes().len() + usize::from(walls.surface().is_some()) < 2 {
+        if walls.planes.len() + usize::from(walls.surface.is_some()) < 2 {
             return None;
         }
         let middle = (robot[0] + robot[1]) * 0.5;
         let (mut points, mut sources) = (vec![], vec![]);
         // The mirror images of forces account for the mirror images of walls.
-        let above = walls.surface().unwrap_or(f64::INFINITY);
-        let real: Vec<&Plane> = walls.planes().iter().filter(|plane| plane.axis != 2 || plane.at < above).collect();
+        let above = walls.surface.unwrap_or(f64::INFINITY);
+        let real: Vec<&Plane> = walls.planes.iter().filter(|plane| plane.axis != 2 || plane.at < above).collect();
         let along = (POINTS / real.len().max(1) as f64).sqrt() as usize;
         for plane in &real {
             let mut ends = [V3::repeat(-OPEN), V3::repeat(OPEN)].map(|e| middle + e * plane.height(middle));
             for other in &real {
                 ends[usize::from(other.side < 0.0)][other.axis] = other.at;
             }
-            if let Some(surface) = walls.surface() {
+            if let Some(surface) = walls.surface {
                 ends[1].z = surface;
             }
             cover(plane, middle, ends, along, &mut points, &mut sources);
         }
         let flow = |x: V3, y: V3| {
             let own = stokeslet(x - y, 0.0);
-            match walls.surface() {
+            match walls.surface {
                 None => own,
                 Some(surface) => {
                     let mirrored = stokeslet(x - V3::new(y.x, y.y, 2.0 * surface - y.z), 0.0);

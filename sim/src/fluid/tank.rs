@@ -51,7 +51,8 @@ pub struct TankFlow {
     /// Flow at the coarse points: summed in world axes, then rotated to body axes.
     coarse_flow: Vec<V3>,
     images: Images,
-    flow: Vec<V3>,
+    /// The flow at the nodes of all flagella, one after the other, and then at the points of the head, body axes, m/s.
+    pub flow: Vec<V3>,
 }
 
 /// The coarse nodes of a flagellum.
@@ -186,13 +187,8 @@ impl TankFlow {
         for (weights, count) in flagella.chain([(&self.head.coarse, self.head.surface.len())]) {
             let (own, others) = fine.split_at_mut(count);
             weights.spread(|c| coarse[c], own);
-            (coarse, fine) = (&coarse[weights.count()..], others);
+            (coarse, fine) = (&coarse[weights.count..], others);
         }
-    }
-
-    /// Returns the flow at the nodes of all flagella, one after the other, and then at the points of the head, body axes, m/s.
-    pub fn flow(&self) -> &[V3] {
-        &self.flow
     }
 
     /// Returns the flow at the points of the head alone.

@@ -50,11 +50,11 @@ impl Plane {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Walls {
     /// The walls; with a free surface also their mirror images.
-    planes: Vec<Plane>,
+    pub planes: Vec<Plane>,
     /// The walls with images of the forces' mirror images.
     of_mirrored: Vec<Plane>,
     /// Height of the free surface, m.
-    surface: Option<f64>,
+    pub surface: Option<f64>,
 }
 
 /// Images are far beyond this distance from every point of the robot, over half the width of its space.
@@ -101,16 +101,6 @@ impl Walls {
             of_mirrored: chosen(&self.of_mirrored, mirrored.as_slice()),
             surface: self.surface,
         }
-    }
-
-    /// Returns the walls; with a free surface also their mirror images.
-    pub fn planes(&self) -> &[Plane] {
-        &self.planes
-    }
-
-    /// Returns the height of the free surface, m.
-    pub fn surface(&self) -> Option<f64> {
-        self.surface
     }
 
     /// Returns the least distance of a point from the walls and the surface, m; negative outside.

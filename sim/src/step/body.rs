@@ -112,12 +112,9 @@ impl BodySolve {
     /// Solves for a given moment (N m). Returns whether that succeeded.
     pub fn solve(&mut self, base: &RigidBase, moment: V3) -> bool {
         for _ in 0..ITERATIONS {
-            match self.update(base, moment) {
-                Some(change) if change.norm() <= RATE_ERROR * (LEAST_RATE + self.body.rate.norm()) => {
-                    return true;
-                }
-                Some(_) => {}
-                None => return false,
+            let Some(change) = self.update(base, moment) else { return false };
+            if change.norm() <= RATE_ERROR * (LEAST_RATE + self.body.rate.norm()) {
+                return true;
             }
         }
         // Smoothed Coulomb friction may alternate in its last digits.

@@ -71,7 +71,7 @@ fn flow_of_pair(
             let (x, dx) = (nodes[e], nodes[e + 1] - nodes[e]);
             let (f, df) = (density[e], density[e + 1] - density[e]);
             let length = dx.norm();
-            for (point, weight) in flagella[k].rule() {
+            for (point, weight) in flagella[k].rule {
                 let (at, force) = (x + dx * *point, (f + df * *point) * (weight * length));
                 let body = (shafts[k].point_to_body(at), shafts[k].to_body(force));
                 for (shaft, sources) in shafts.iter().zip(seen.iter_mut()) {

@@ -60,7 +60,8 @@ pub struct Flagellum {
     /// The residual in the frames of the frozen inverse.
     reference: Vec<f32>,
     product: Vec<f32>,
-    rule: &'static [(f64, f64)],
+    /// The Gauss rule of far segments.
+    pub rule: &'static [(f64, f64)],
     epsilon: f64,
     viscosity: f64,
 }
@@ -333,10 +334,5 @@ impl Flagellum {
             }
         }
         flow
-    }
-
-    /// Returns the Gauss rule of far segments.
-    pub fn rule(&self) -> &'static [(f64, f64)] {
-        self.rule
     }
 }

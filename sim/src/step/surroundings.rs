@@ -45,7 +45,8 @@ pub struct Surroundings {
     /// Nodes of all flagella, one after the other.
     targets: Targets,
     nodes: Vec<V3>,
-    flow: Vec<V3>,
+    /// The flow at the nodes of all flagella, one after the other, body axes, m/s.
+    pub flow: Vec<V3>,
     epsilon: f64,
     factor: f64,
     /// [`AGREED`] times the robot's tolerance.
@@ -167,7 +168,7 @@ impl Surroundings {
         } else if let Some(tank) = tank {
             tank.respond(&[], &body.attitude);
         }
-        let images = self.tank.as_ref().map(TankFlow::flow);
+        let images = self.tank.as_ref().map(|tank| &tank.flow);
         let mut change = 0f64;
         for (i, flow) in self.flow.iter_mut().enumerate() {
             let mut new = self.targets.flow(i) * self.factor;
@@ -178,11 +179,6 @@ impl Surroundings {
             *flow = new;
         }
         change.sqrt()
-    }
-
-    /// Returns the flow at the nodes of all flagella, one after the other, body axes, m/s.
-    pub fn flow(&self) -> &[V3] {
-        &self.flow
     }
 
     /// Returns the load of the fluid on the head at the last update, body axes, moment about the joint.

@@ -194,7 +194,7 @@ impl Sweeps {
 
     /// Copies the surroundings' flow at the nodes to the flagella.
     fn read_flow(&mut self, problem: &StepProblem) {
-        let mut flow = self.surroundings.flow().iter();
+        let mut flow = self.surroundings.flow.iter();
         for (flagellum, shaft) in self.flagella.iter_mut().zip(&problem.step.shafts) {
             for (slot, u) in flagellum.surrounding_flow.iter_mut().zip(flow.by_ref()) {
                 *slot = shaft.to_shaft(*u);

@@ -60,7 +60,8 @@ pub struct Board {
     start: u32,
     /// `None` behind a bootloader, which may put any program there.
     pub static_bytes: Option<u16>,
-    state: RunState,
+    /// How the last run ended.
+    pub state: RunState,
     vcc_mv: u32,
     bandgap_mv: u32,
     /// What happens later, with its times (s).
@@ -172,11 +173,6 @@ impl Board {
         self.run_until(self.cycle() + cycles)
     }
 
-    /// Returns how the last run ended.
-    pub fn state(&self) -> RunState {
-        self.state
-    }
-
     /// Returns the cycles since power came up.
     pub fn cycle(&self) -> u64 {
         self.mcu.cycle()
@@ -218,7 +214,7 @@ impl Board {
 
     /// Returns the speed of the board's end of the line, bit/s.
     pub fn baud(&self) -> f64 {
-        10.0 * self.rig().resonator.hz() / f64::from(self.mcu.serial_byte_cycles())
+        10.0 * self.rig().resonator.hz / f64::from(self.mcu.serial_byte_cycles())
     }
 
     /// Changes the sensor or its input.
@@ -244,7 +240,7 @@ impl Board {
 
     /// Keeps the program busy for a time, with interrupts on.
     pub fn keep_busy_ms(&mut self, ms: f64) {
-        let cycle = self.cycle() + (ms * 1e-3 * self.rig().resonator.hz()).round() as u64;
+        let cycle = self.cycle() + (ms * 1e-3 * self.rig().resonator.hz).round() as u64;
         self.mcu.busy(cycle);
     }
 
@@ -417,6 +413,6 @@ impl Devices for Rig {
             next_s = encoder.next_event_s(motor.counts, motor.counts_per_second(), now_s, next_s);
         }
         pins.set('D', mask, levels);
-        cycle + next_spike.min((next_s * self.resonator.hz()).ceil() as u64)
+        cycle + next_spike.min((next_s * self.resonator.hz).ceil() as u64)
     }
 }

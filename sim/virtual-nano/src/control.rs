@@ -132,7 +132,7 @@ fn by_hand(line: &str, board: &mut Board, go: impl FnOnce(&mut Hand, f64) -> Spa
 fn truth(board: &mut Board) -> Result<Value, String> {
     let plant = board.plant_mut().ok_or("there is no robot; start with --robot FILE.toml or --robot published")?;
     let samples = plant.take_samples();
-    if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
+    if let (true, Some(problem)) = (samples.is_empty(), &plant.failure) {
         return Err(format!("the simulated robot could not go on: {problem}"));
     }
     let (clock, resonator) = (&board.rig().clock, &board.rig().resonator);
@@ -152,12 +152,12 @@ pub fn sensor(board: &Board, kind: &Sensor) -> Value {
 /// Returns the reply to `status`.
 fn status(board: &Board, port: &PortCount) -> Value {
     let bridge = board.rig().bridge;
-    let line = board.rig().serial.count();
-    let bus = board.rig().imu.count();
+    let line = board.rig().serial.count;
+    let bus = board.rig().imu.count;
     let tick = board.rig().marks.tick;
     json!({
         "event": "status",
-        "state": match board.state() {
+        "state": match board.state {
             RunState::Running => "running",
             RunState::Crashed => "crashed",
         },

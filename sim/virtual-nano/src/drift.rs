@@ -34,7 +34,8 @@ impl Supply {
 #[derive(Clone, Debug)]
 pub struct Wander {
     deviation: f64,
-    now: f64,
+    /// The change now.
+    pub now: f64,
     /// Time since its last step, s.
     since_s: f64,
     noise: Noise,
@@ -49,11 +50,6 @@ impl Wander {
     pub fn new(deviation: f64, seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         Self { deviation, now: deviation * noise.normal(), since_s: 0.0, noise }
-    }
-
-    /// Returns the change now.
-    pub fn now(&self) -> f64 {
-        self.now
     }
 
     /// Advances by `seconds`.
@@ -89,7 +85,7 @@ mod tests {
         let values: Vec<f64> = (0..30_000)
             .map(|_| {
                 wander.advance(1.0);
-                wander.now()
+                wander.now
             })
             .collect();
         let product =

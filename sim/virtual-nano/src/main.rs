@@ -81,10 +81,7 @@ struct Arguments {
 }
 
 fn parse_byte(text: &str) -> Result<u8, String> {
-    let parsed = match text.strip_prefix("0x") {
-        Some(digits) => u8::from_str_radix(digits, 16),
-        None => text.parse(),
-    };
+    let parsed = text.strip_prefix("0x").map_or_else(|| text.parse(), |digits| u8::from_str_radix(digits, 16));
     parsed.map_err(|_| "give a byte, such as 0x68".into())
 }
 
@@ -162,7 +159,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     let mut out = stdout().lock();
     let sensor = control::sensor(&runner.board, &arguments.sensor);
-    writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path(), "sensor": sensor }))?;
+    writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path, "sensor": sensor }))?;
     out.flush()?;
     runner.run(&commands, &mut out)?;
     if let Some(path) = &arguments.eeprom {

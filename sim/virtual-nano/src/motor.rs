@@ -222,7 +222,7 @@ impl Motor {
     }
 
     fn full_rpm(&self) -> f64 {
-        self.parameters.no_load_rpm * (1.0 + self.wander.now())
+        self.parameters.no_load_rpm * (1.0 + self.wander.now)
     }
 
     fn rest_rpm(&self, fraction: f64) -> f64 {

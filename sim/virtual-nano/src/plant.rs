@@ -99,7 +99,8 @@ pub struct Plant {
     sensor: Vector3<f64>,
     gravity_m_s2: f64,
     samples: VecDeque<Sample>,
-    failure: Option<String>,
+    /// Why the simulator failed, if it did. From then on the plant's movement is meaningless.
+    pub failure: Option<String>,
 }
 
 impl Plant {
@@ -133,11 +134,6 @@ impl Plant {
                 self.failure = Some(problem);
             }
         }
-    }
-
-    /// Returns why the simulator failed, if it did. From then on the plant's movement is meaningless.
-    pub fn failure(&self) -> Option<&str> {
-        self.failure.as_deref()
     }
 
     /// Takes the samples since the last call, one at the end of each window, oldest first; at most those of a minute.
@@ -293,7 +289,7 @@ mod tests {
             "flagella against encoders: {worst:.3} deg at most, {steady:.5} at a steady speed, {after:.5} at rest"
         );
         assert!(worst < 2.5 && steady < 0.001 && after < 0.001, "{worst} {steady} {after}");
-        assert_eq!(plant.failure(), None);
+        assert_eq!(plant.failure, None);
         assert_eq!(plant.motors(4.0).map(|motor| motor.speed), [0.0; 2], "comes to rest");
     }
 
@@ -372,6 +368,6 @@ mod tests {
         motors[0].drive = Drive::Voltage(0.7);
         motors[1].drive = Drive::Voltage(-0.7);
         run(&mut plant, &mut motors, 0.0, 8.0, |_, _, _| {});
-        assert!(plant.failure().is_some_and(|failure| failure.contains("no step from")), "{:?}", plant.failure());
+        assert!(plant.failure.as_ref().is_some_and(|failure| failure.contains("no step from")), "{:?}", plant.failure);
     }
 }

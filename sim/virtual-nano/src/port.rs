@@ -24,8 +24,10 @@ pub const DRIVER_BUFFER: usize = 640 << 10;
 #[derive(Debug)]
 pub struct Port {
     master: OwnedFd,
-    path: String,
-    open: bool,
+    /// The path that the host opens, such as `/dev/pts/3`.
+    pub path: String,
+    /// Whether the host has it open.
+    pub is_open: bool,
 }
 
 /// Bytes from the board that no host got.
@@ -51,24 +53,14 @@ impl Port {
         tcsetattr(&master, OptionalActions::Now, &attributes)?;
         // The kernel reports a closed port only after it was open once.
         drop(open(&*path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?);
-        Ok(Self { master, path, open: false })
-    }
-
-    /// Returns the path that the host opens, such as `/dev/pts/3`.
-    pub fn path(&self) -> &str {
-        &self.path
-    }
-
-    /// Returns whether the host has it open.
-    pub fn is_open(&self) -> bool {
-        self.open
+        Ok(Self { master, path, is_open: false })
     }
 
     /// Returns whether the host has opened it since the last call.
     pub fn was_opened(&mut self) -> io::Result<bool> {
         // The kernel reports a hang-up while nobody has the other side open.
         let open = !self.ready(PollFlags::empty(), Duration::ZERO)?.contains(PollFlags::HUP);
-        Ok(!std::mem::replace(&mut self.open, open) && open)
+        Ok(!std::mem::replace(&mut self.is_open, open) && open)
     }
 
     /// Returns the speed that the host has set, bit/s.
@@ -129,8 +121,8 @@ mod tests {
     fn bytes_pass_unchanged_and_opening_shows() {
         let mut port = Port::new().unwrap();
         assert!(!port.was_opened().unwrap());
-        let mut host = OpenOptions::new().read(true).write(true).open(port.path()).unwrap();
-        assert!(port.was_opened().unwrap() && port.is_open());
+        let mut host = OpenOptions::new().read(true).write(true).open(&port.path).unwrap();
+        assert!(port.was_opened().unwrap() && port.is_open);
         assert!(!port.was_opened().unwrap(), "it was open before");
         let every: Vec<u8> = (0..=255).collect();
         host.write_all(&every).unwrap();
@@ -141,7 +133,7 @@ mod tests {
         assert_eq!(back, every);
         assert_eq!(port.baud().unwrap(), BAUD);
         drop(host);
-        assert!(!port.was_opened().unwrap() && !port.is_open());
+        assert!(!port.was_opened().unwrap() && !port.is_open);
         assert!(port.read().unwrap().is_empty());
     }
 }

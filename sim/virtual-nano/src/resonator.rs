@@ -5,7 +5,8 @@ use crate::mcu::FREQUENCY_HZ;
 /// A resonator, whose frequency may change.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Resonator {
-    hz: f64,
+    /// The frequency.
+    pub hz: f64,
     /// The last change: cycle, and time in s.
     since: (u64, f64),
 }
@@ -25,11 +26,6 @@ impl Resonator {
     /// Returns the cycle at a time, which must not be before the last change of frequency.
     pub fn cycle(&self, time_s: f64) -> u64 {
         self.since.0 + ((time_s - self.since.1).max(0.0) * self.hz).round() as u64
-    }
-
-    /// Returns the frequency.
-    pub fn hz(&self) -> f64 {
-        self.hz
     }
 
     /// Sets the relative error of the frequency from this cycle on.

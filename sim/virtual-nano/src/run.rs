@@ -57,7 +57,7 @@ impl Runner {
                 Err(TryRecvError::Disconnected) => return Ok(()),
                 Err(TryRecvError::Empty) => {}
             }
-            if self.board.plant().is_some_and(|plant| plant.failure().is_some()) {
+            if self.board.plant().is_some_and(|plant| plant.failure.is_some()) {
                 // The sensor's readings are wrong from here on: the board stops, so that nobody takes them for
                 // measurements.
                 std::thread::sleep(Duration::from_millis(1));
@@ -88,7 +88,7 @@ impl Runner {
             self.board.reset();
         }
         let from_board = self.board.take_serial();
-        if !self.port.is_open() {
+        if !self.port.is_open {
             self.count.unheard += (self.pending.len() + from_board.len()) as u64;
             self.pending.clear();
             self.pace.lose_host();

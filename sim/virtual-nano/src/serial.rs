@@ -39,7 +39,8 @@ pub struct Serial {
     /// Whether the two ends run at different speeds and so read nonsense.
     pub garbled: bool,
     noise: Noise,
-    count: LineCount,
+    /// Counts since the start.
+    pub count: LineCount,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -82,11 +83,6 @@ impl Serial {
     /// Damages a byte in each of the next `frames` frames of the stream that are not lost.
     pub fn corrupt_frames(&mut self, frames: u64) {
         self.to_corrupt += frames;
-    }
-
-    /// Returns the counts since the start.
-    pub fn count(&self) -> LineCount {
-        self.count
     }
 
     /// Passes on a byte from the chip.
@@ -179,7 +175,7 @@ mod tests {
         assert_eq!(pass(&mut serial, &[0, 1, 2]), [0, 1, 2]);
         serial.drop_frames(1);
         assert_eq!(pass(&mut serial, &[3, 0, 4, 5, 0, 0, 6, 0]), [3, 0, 0, 6, 0]);
-        let LineCount { frames_sent, frames_dropped, .. } = serial.count();
+        let LineCount { frames_sent, frames_dropped, .. } = serial.count;
         assert_eq!((frames_sent, frames_dropped), (2, 1));
     }
 
@@ -202,7 +198,7 @@ mod tests {
             assert_ne!(damaged, frame);
             assert_eq!(damaged.iter().position(|byte| *byte == 0), Some(6), "{damaged:?}");
             assert_eq!(pass(&mut serial, &frame), frame);
-            assert_eq!(serial.count().frames_corrupted, 1);
+            assert_eq!(serial.count.frames_corrupted, 1);
         }
     }
 }

@@ -96,7 +96,7 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
                 host.board.change_imu(|imu| imu.inject((case.fault)(at)));
                 // The reset in set-up alone takes 100 ms.
                 host.run_ms(300);
-                if host.board.rig().imu.count().faults == 0 {
+                if host.board.rig().imu.count.faults == 0 {
                     break;
                 }
                 host.hello();
@@ -129,7 +129,7 @@ fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
             let errors = host.last().imu_errors;
             host.board.change_imu(|imu| imu.inject((case.fault)(At::byte(byte))));
             host.run_linked_ms(400);
-            if host.board.rig().imu.count().faults == 0 {
+            if host.board.rig().imu.count.faults == 0 {
                 assert!(case.name.starts_with("no acknowledgement") && byte > 2, "{what}: does not strike");
                 continue;
             }

@@ -73,8 +73,8 @@ impl std::io::Seek for Counting {
 fn effort(content: Vec<u8>) -> (u64, usize) {
     let mut scanner = Scanner::new(Counting { content: Cursor::new(content), read: 0, longest: 0 }).unwrap();
     while scanner.next().unwrap().is_some() {}
-    let Counting { read, longest, .. } = scanner.source_mut();
-    (*read, *longest)
+    let Counting { read, longest, .. } = scanner.source;
+    (read, longest)
 }
 
 /// Many false beginnings of long but possible records take time in proportion to the file.

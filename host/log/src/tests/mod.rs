@@ -138,7 +138,7 @@ fn read(log: &[u8]) -> (Vec<Plain>, Condition) {
             messages.extend(chunk.filter_map(plain));
         }
     }
-    (messages, scanner.condition().unwrap())
+    (messages, scanner.condition.unwrap())
 }
 
 #[test]

@@ -224,10 +224,7 @@ impl Course<'_, '_> {
             let time_s = (frame.board_us - self.begun_us) as f64 * 1e-6;
             self.steering.ask(time_s, self.measured(frame))?;
         }
-        match self.answer()? {
-            Some(set_point) => self.send(set_point),
-            None => Ok(()),
-        }
+        self.answer()?.map_or(Ok(()), |set_point| self.send(set_point))
     }
 
     /// Returns the pilot's set-point, if it is ready. A board that waits for this program also waits for the pilot.
@@ -284,7 +281,7 @@ impl Course<'_, '_> {
             yaw_deg: yaw_deg - self.drift.dps * drifted_s,
             pitch_deg,
             roll_deg,
-            rates_dps: self.recorder.trial.rates_dps(),
+            rates_dps: self.recorder.trial.rates_dps,
             speeds_rpm: frame.telemetry.speed.map(CentiRpm::rpm),
             turns: frame.telemetry.encoder.map(|encoder| f64::from(encoder.0) / counts_per_turn),
         }

@@ -157,7 +157,7 @@ impl Drift {
             let stretches: Vec<Stretch> = lateral.iter().map(|pair| pair[axis].clone()).collect();
             found.extend(rotation(&stretches, series.temperature(), &target(axis), None));
         }
-        let knows_lateral = series.learns_bias() || !lateral.is_empty();
+        let knows_lateral = series.learns_bias || !lateral.is_empty();
         let mut mean: DVector<f64> = DVector::zeros(times.len());
         let mut covariance = DMatrix::zeros(times.len(), times.len());
         for Rotation { mean: one, covariance: of_one, .. } in &found {
@@ -253,7 +253,7 @@ fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], varianc
             Some(both(range, rates, TILT_NOISE * variance / length + powi(of_turning, 2)))
         })
         .collect();
-    if shown.is_empty() && rest.calibrate_s > 0.0 && !series.learns_bias() {
+    if shown.is_empty() && rest.calibrate_s > 0.0 && !series.learns_bias {
         let range = rest.before.start - rest.calibrate_s..rest.before.start;
         return vec![both(range, [0.0; 2], variance / rest.calibrate_s)];
     }

@@ -16,7 +16,7 @@ pub struct Series {
     /// Temperature of the sensor, °C.
     temperature_c: Columns<1>,
     /// Whether the board's filter estimates the gyroscope's bias itself.
-    learns_bias: bool,
+    pub(crate) learns_bias: bool,
     /// Integrals of the rates about the body's x and y, minus the attitude's rotation about these axes, degrees. They
     /// grow with the bias, which the board's filter cancels. Empty if the frames have no rates.
     gyro_minus_attitude_deg: Columns<2>,
@@ -71,11 +71,6 @@ impl Series {
     /// Returns the temperature of the sensor, °C.
     pub fn temperature(&self) -> Track<'_> {
         self.temperature_c.track(0)
-    }
-
-    /// Returns whether the board's filter estimates the gyroscope's bias.
-    pub(crate) fn learns_bias(&self) -> bool {
-        self.learns_bias
     }
 
     /// Returns the bias about the body's x and y, °/s; `None` if the time is too short,

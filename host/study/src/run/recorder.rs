@@ -40,7 +40,7 @@ pub struct Recorder {
     /// Frames of the board so far.
     frames: u32,
     /// Angular velocity in the last frame.
-    rates_dps: [f64; 3],
+    pub rates_dps: [f64; 3],
 }
 
 /// The sensor's state while the robot was at rest.
@@ -123,11 +123,6 @@ impl Recorder {
         }
         self.frames = self.frames.wrapping_add(1);
         Ok(attitude)
-    }
-
-    /// Returns the angular velocity in the last frame with the calibrated bias removed, body axes.
-    pub fn rates_dps(&self) -> [f64; 3] {
-        self.rates_dps
     }
 
     fn collect(&mut self, add: impl FnOnce(&mut Collector)) {

@@ -147,7 +147,7 @@ pub struct Rests {
     /// The last still blocks that are not in the rest yet.
     margin: VecDeque<Mean>,
     /// The rest so far, without its first and last blocks, in which a movement may end or begin.
-    rest: Mean,
+    pub rest: Mean,
     bias_dps: Option<[f64; 3]>,
 }
 
@@ -183,11 +183,6 @@ impl Rests {
         Motion::Still
     }
 
-    /// Returns the present rest, or the last one while the sensor moves.
-    pub fn rest(&self) -> &Mean {
-        &self.rest
-    }
-
     /// Returns whether the sensor rests.
     pub fn is_resting(&self) -> bool {
         self.still > 0
@@ -197,9 +192,6 @@ impl Rests {
         let off = |from: &[f64; 3]| (0..3).map(|i| (block.rate_dps[i] - from[i]).abs()).fold(0.0, f64::max);
         block.noise_dps() < STILL_NOISE_DPS
             && off(&before.rate_dps) < STILL_CHANGE_DPS
-            && match &self.bias_dps {
-                Some(bias_dps) => off(bias_dps) < STILL_BIAS_DPS,
-                None => off(&[0.0; 3]) < LARGEST_BIAS_DPS,
-            }
+            && self.bias_dps.map_or(off(&[0.0; 3]) < LARGEST_BIAS_DPS, |bias_dps| off(&bias_dps) < STILL_BIAS_DPS)
     }
 }

@@ -56,7 +56,7 @@ impl StillWatch {
         let first_s = *self.first_s.get_or_insert(reading.time_s);
         let motion = self.rests.push(reading);
         let Some(begun_s) = self.begun_s else {
-            if self.rests.is_resting() && self.rests.rest().length_s() > 1.0 {
+            if self.rests.is_resting() && self.rests.rest.length_s() > 1.0 {
                 self.begun_s = Some(reading.time_s);
             } else if reading.time_s - first_s > PATIENCE_S {
                 let what = format!("the sensor was not still within {PATIENCE_S:.0} s");

@@ -118,7 +118,7 @@ fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) ->
     let z = if knows_z { 0.0 } else { series.yaw().rate(still.clone())? };
     let tilts = [series.roll(), series.pitch()];
     // While its filter settles, the board's attitude turns with the bias.
-    let [x, y] = match series.held_back_dps(still.clone()).filter(|_| !series.learns_bias()) {
+    let [x, y] = match series.held_back_dps(still.clone()).filter(|_| !series.learns_bias) {
         Some([x, y]) => [x + tilts[0].slope(still.clone())?, y + tilts[1].slope(still.clone())?],
         None => [0.0; 2],
     };

@@ -68,9 +68,11 @@ pub struct Faults {
     gone: bool,
     /// SDA is held; pulses left, `None` for ever.
     held: Option<Option<u8>>,
-    data: Data,
+    /// How the data registers follow the motion.
+    pub data: Data,
     glitch: bool,
-    struck: u64,
+    /// Number of faults that have struck.
+    pub struck: u64,
 }
 
 impl Faults {
@@ -85,16 +87,6 @@ impl Faults {
     /// Begins a transaction, with a START after a STOP.
     pub fn begin_transaction(&mut self) {
         self.silent = false;
-    }
-
-    /// Returns the number of faults that have struck.
-    pub fn struck(&self) -> u64 {
-        self.struck
-    }
-
-    /// Returns how the data registers follow the motion.
-    pub fn data(&self) -> Data {
-        self.data
     }
 
     /// Returns whether SDA is held low.

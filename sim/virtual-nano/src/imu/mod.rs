@@ -94,7 +94,8 @@ pub struct Mpu6050 {
     /// Bytes of this transaction so far, addresses included.
     byte: u8,
     scl: bool,
-    count: BusCount,
+    /// Counts since the start.
+    pub count: BusCount,
 }
 
 impl Mpu6050 {
@@ -119,11 +120,6 @@ impl Mpu6050 {
         };
         part.power_up();
         part
-    }
-
-    /// Returns the counts since the start.
-    pub fn count(&self) -> BusCount {
-        self.count
     }
 
     /// Sets the value of WHO_AM_I.
@@ -243,9 +239,9 @@ impl Mpu6050 {
     fn strike(&mut self, sends: bool) -> Option<BusAnswer> {
         let byte = self.byte;
         self.byte = self.byte.saturating_add(1);
-        let before = self.faults.struck();
+        let before = self.faults.struck;
         let answer = self.faults.strike(self.count.transactions, byte, sends);
-        self.count.faults += self.faults.struck() - before;
+        self.count.faults += self.faults.struck - before;
         if self.faults.take_glitch() {
             self.power_up();
             self.phase = Phase::Unselected;
@@ -295,7 +291,7 @@ impl Mpu6050 {
     /// Puts the newest sample into the data registers.
     fn take_sample(&mut self, time_s: f64) {
         let is_asleep = self.register(register::PWR_MGMT_1) & (SLEEP | DEVICE_RESET) != 0;
-        if is_asleep || self.faults.data() == Data::Frozen {
+        if is_asleep || self.faults.data == Data::Frozen {
             return;
         }
         let rate_hz = self.sample_rate_hz();
@@ -304,7 +300,7 @@ impl Mpu6050 {
             return;
         }
         self.sample = Some(number);
-        if self.faults.data() != Data::Repeated {
+        if self.faults.data != Data::Repeated {
             self.set_data(number as f64 / rate_hz);
         }
         // Only an enabled interrupt is generated, and the bit shows it (section 4.21).
@@ -317,7 +313,7 @@ impl Mpu6050 {
         let accel_range = scale::ACCEL[usize::from(self.register(register::ACCEL_CONFIG) >> 3 & 3)];
         let low_pass = scale::LOW_PASS[usize::from(self.register(register::CONFIG) & 7)];
         let Readout { accel, gyro, temperature } = self.source.read(time_s, gyro_range, accel_range, low_pass);
-        let gyro = if self.faults.data() == Data::GyroZero { [0; 3] } else { gyro };
+        let gyro = if self.faults.data == Data::GyroZero { [0; 3] } else { gyro };
         let words = accel.into_iter().chain([temperature]).chain(gyro);
         let first = usize::from(register::ACCEL_XOUT_H);
         for (slot, byte) in self.registers[first..].iter_mut().zip(words.flat_map(i16::to_be_bytes)) {
@@ -420,7 +416,7 @@ mod tests {
         assert_eq!(part.write(0x3B), BusAnswer::Nack);
         part.stop();
         assert_eq!(read(&mut part, 0.0, 0x75), [0x68]);
-        assert_eq!(part.count().faults, 1);
+        assert_eq!(part.count.faults, 1);
     }
 
     #[test]

@@ -46,7 +46,7 @@ fn set_up_resets_the_sensor() {
     host.hello();
     host.stream();
     host.run_ms(500);
-    let (resets, value) = (host.board.rig().imu.count().resets, host.board.rig().imu.register(FIFO_EN));
+    let (resets, value) = (host.board.rig().imu.count.resets, host.board.rig().imu.register(FIFO_EN));
     row("a register from before the start", format!("{resets} resets, reads {value:#04x}"), "reset, 0x00");
     assert!(resets >= 1 && value == 0 && host.last().imu_fresh);
 }

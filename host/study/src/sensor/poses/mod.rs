@@ -80,7 +80,7 @@ impl PosesWatch {
         if reading.time_s - since_s > PATIENCE_S + self.seconds {
             return Err(self.incomplete());
         }
-        let rest = *self.rests.rest();
+        let rest = self.rests.rest;
         if !self.rests.is_resting() || rest.count == 0.0 {
             return Ok(PoseStep::Move { missing });
         }

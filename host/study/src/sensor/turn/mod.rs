@@ -123,7 +123,7 @@ impl TurnWatch {
     pub fn push(&mut self, reading: &RawReading) -> Result<TurnStep, NotMeasured> {
         let since_s = *self.since_s.get_or_insert(reading.time_s);
         let motion = self.rests.push(reading);
-        let rest = *self.rests.rest();
+        let rest = self.rests.rest;
         if let (Some(from), Some(previous)) = (&self.from, self.readings.last()) {
             let dt = reading.time_s - previous.time_s;
             for i in 0..3 {
