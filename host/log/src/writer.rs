@@ -270,10 +270,7 @@ impl Writer {
     }
 
     fn take_error(&self) -> Result<(), LogError> {
-        match self.disk.take_error() {
-            Some(error) => Err(self.error(error)),
-            None => Ok(()),
-        }
+        self.disk.take_error().map_or(Ok(()), |error| Err(self.error(error)))
     }
 
     /// Ends the log with its summary, syncs it, and reads it back.

@@ -237,10 +237,8 @@ impl Source<'_> {
         };
         let verb = if span == whole { "cannot be" } else { "cannot hold" };
         let written = shorten(self.text.get(span.clone()).unwrap_or_default());
-        let cure = match (self.kind.help)(key) {
-            Some(help) => help.to_owned(),
-            None => type_help(expected.unwrap_or(message)),
-        };
+        let of_type = || type_help(expected.unwrap_or(message));
+        let cure = (self.kind.help)(key).map_or_else(of_type, str::to_owned);
         self.error(span, format!("{key} {verb} {written}"), cure)
     }
 }

@@ -73,10 +73,7 @@ impl Recorder<'_> {
     /// Records events that arrive within `timeout` while waiting for an answer. Frames wait for the code that follows
     /// the phases, but no longer than the log allows.
     fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
-        let mut outcome = match self.link.next(timeout) {
-            Some(received) => self.take_frame(received),
-            None => Ok(()),
-        };
+        let mut outcome = self.link.next(timeout).map_or(Ok(()), |received| self.take_frame(received));
         while let Some(frame) = self.overdue() {
             outcome = first_failure(outcome, self.keep(frame));
         }

@@ -52,10 +52,8 @@ fn missing(data: &Data, zeroed: &Zeroed, window: &Range<f64>) -> Option<String> 
     if data.is_model() || window_s <= 0.0 {
         return None;
     }
-    let gap_s = match data.is_recorded() {
-        true => GAP_S,
-        false => zeroed.angles_deg.longest_step_s().unwrap_or_default(),
-    };
+    let longest_s = zeroed.angles_deg.longest_step_s().unwrap_or_default();
+    let gap_s = if data.is_recorded() { GAP_S } else { longest_s };
     let inside = zeroed.angles_deg.time_s.iter().filter(|time| window.contains(time)).copied();
     let ends = std::iter::once(window.start).chain(inside).chain([window.end]);
     let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
