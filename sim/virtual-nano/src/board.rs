@@ -82,19 +82,6 @@ impl Board {
         Self::with_start(image, image.start(), options)
     }
 
-    /// Returns the same with `program` in the flash below the bootloader.
-    ///
-    /// # Panics
-    /// If the program reaches into the bootloader.
-    pub fn behind_bootloader(loader: &Image, program: &Image, options: BoardOptions) -> Result<Self, &'static str> {
-        assert!(program.end() <= loader.start(), "a program that reaches into the bootloader");
-        let mut both = loader.clone();
-        both.segments.extend_from_slice(&program.segments);
-        let mut board = Self::with_start(&both, loader.start(), options)?;
-        board.static_bytes = Some(program.static_bytes);
-        Ok(board)
-    }
-
     fn with_start(image: &Image, start: u32, options: BoardOptions) -> Result<Self, &'static str> {
         let kind = options.rig;
         let mut rig = Rig {
