@@ -4,6 +4,7 @@ use biflag_log::ClockMeta;
 use protocol::units::Micros;
 use std::collections::VecDeque;
 use std::time::{Duration, SystemTime};
+use study::statistics::Line;
 
 /// Unwraps the board's clock, which wraps every 71.6 minutes.
 #[derive(Debug, Clone, Default)]
@@ -74,25 +75,18 @@ impl PingClock {
         let mut pings: Vec<Ping> = self.pings.iter().copied().collect();
         pings.sort_by(|a, b| a.round_trip_s.total_cmp(&b.round_trip_s));
         pings.truncate(pings.len().div_ceil(2));
-        let n = pings.len() as f64;
-        let board = |ping: &Ping| ping.board_us as f64 * 1e-6;
-        let mean_board = pings.iter().map(board).sum::<f64>() / n;
-        let mean_host = pings.iter().map(|ping| ping.host_s).sum::<f64>() / n;
-        let square: f64 = pings.iter().map(|ping| (board(ping) - mean_board).powi(2)).sum();
-        if square <= 0.0 {
+        // The host's clock, s since the link was opened, over the board's.
+        let line = Line::through(pings.iter().map(|ping| (ping.board_us as f64 * 1e-6, ping.host_s)));
+        if line.spread <= 0.0 {
             return None;
         }
-        let product: f64 = pings.iter().map(|ping| (board(ping) - mean_board) * (ping.host_s - mean_host)).sum();
-        // The host's clock is `offset_s + board_s * rate`, s since the link was opened.
-        let rate = product / square;
-        let offset_s = mean_host - rate * mean_board;
-        let left: f64 = pings.iter().map(|ping| (ping.host_s - offset_s - rate * board(ping)).powi(2)).sum();
+        let offset_s = line.level - line.slope * line.middle;
         let opened_ns = i64::try_from(opened.duration_since(SystemTime::UNIX_EPOCH).ok()?.as_nanos()).ok()?;
         Some(ClockMeta {
             pings: pings.len() as u32,
             offset_ns: opened_ns.saturating_add((offset_s * 1e9) as i64),
-            drift_ppm: (1.0 / rate - 1.0) * 1e6,
-            residual_us: (left / n).sqrt() * 1e6,
+            drift_ppm: (1.0 / line.slope - 1.0) * 1e6,
+            residual_us: (line.squares / pings.len() as f64).sqrt() * 1e6,
         })
     }
 }

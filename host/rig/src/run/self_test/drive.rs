@@ -6,6 +6,7 @@ use crate::run::stream;
 use protocol::units::Duty;
 use protocol::{Command, Fault, MAX_DRIVE_MS, State, TICK_HZ, Telemetry};
 use std::sync::atomic::AtomicBool;
+use study::statistics::Line;
 
 /// Time before a drive that provides reference readings, s.
 const BEFORE_S: f64 = 0.1;
@@ -169,14 +170,9 @@ impl Travel {
 /// Returns the least-squares slope of the positions, counts per frame. The board may count the latest edges only in the
 /// next frame, so the difference between the first and the last position could be wrong by up to seven counts.
 fn slope(positions: &[i32]) -> f64 {
-    let middle = (positions.len() as f64 - 1.0) / 2.0;
-    let (mut products, mut squares) = (0.0, 0.0);
-    for (frame, position) in positions.iter().enumerate() {
-        let offset = frame as f64 - middle;
-        products += offset * f64::from(position.wrapping_sub(positions[0]));
-        squares += offset * offset;
-    }
-    if squares > 0.0 { products / squares } else { 0.0 }
+    let moved = |position: &i32| f64::from(position.wrapping_sub(positions[0]));
+    let points = positions.iter().enumerate().map(|(frame, position)| (frame as f64, moved(position)));
+    if positions.len() > 1 { Line::through(points).slope } else { 0.0 }
 }
 
 fn mean_gyro(frames: &[Telemetry]) -> [f64; 3] {
