@@ -2,6 +2,7 @@
 
 use super::sheet::{FONT_PT, GRID, INK, MM, Sheet, Stroke, short};
 use crate::ticks;
+use study::statistics::extremes;
 use study::text::decimal;
 
 /// Room beside a panel that is as wide as the sheet.
@@ -25,8 +26,7 @@ impl Axis {
     /// Creates an axis over all finite values with a margin, and with at least the span `least`, so that noise is not
     /// enlarged to fill it.
     pub fn about(values: impl Iterator<Item = f64>, least: f64, label: &str) -> Self {
-        let finite = values.filter(|value| value.is_finite());
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+        let [low, high] = extremes(values.filter(|value| value.is_finite()));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
         let room = 0.5 * (least - (high - low)).max(0.0) + 0.06 * (high - low).max(least);
         Self::new(low - room, high + room, label)

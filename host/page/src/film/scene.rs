@@ -4,6 +4,7 @@ use super::moving::Moving;
 use super::render::{BACKGROUND, CHART, DIAL, Rgb};
 use crate::PageError;
 use std::ops::Range;
+use study::statistics::extremes;
 use study::trial::{Data, Zeroed};
 
 /// The robot over a trial, and the chart.
@@ -51,10 +52,7 @@ impl Scene {
         pixels
             .map(|(x, y)| {
                 let neighbours = [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| self.curve[x]);
-                let (low, high) = (
-                    neighbours.iter().copied().fold(f64::INFINITY, f64::min),
-                    neighbours.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-                );
+                let [low, high] = extremes(neighbours);
                 let away = (low - y as f64).max(y as f64 - high).max(0.0) + 0.5 * (high - low).min(1.0);
                 let point = (x as f64 - now).hypot(y as f64 - here);
                 let (ink, colour) = match point < 4.0 * thickness + 0.5 {
@@ -73,8 +71,7 @@ impl Scene {
 
 /// Returns the heights of a curve within a chart of so many pixels.
 fn curve(values: &[f64], height: usize) -> Vec<f64> {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [low, high] = extremes(values.iter().copied());
     // A yaw that does not change is a line in the middle.
     let range = (high - low).max(1.0);
     let middle = 0.5 * (low + high);

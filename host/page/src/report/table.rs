@@ -4,6 +4,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Map, Value, json};
 use study::attitude::Columns;
+use study::statistics::extremes;
 
 /// The least number of samples in a stretch, on average: the range of fewer says little.
 const STRETCH_SAMPLES: usize = 4;
@@ -124,8 +125,7 @@ impl<const N: usize> Fitted<N> {
 /// Values for the page in 16 bits each: `from + step` times the number, 65535 for none. Equal values need none.
 pub(super) fn quantised(values: &[f64]) -> Value {
     const LEVELS: f64 = 65_534.0;
-    let finite = values.iter().copied().filter(|value| value.is_finite());
-    let (least, most) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+    let [least, most] = extremes(values.iter().copied().filter(|value| value.is_finite()));
     if most == least && values.iter().all(|value| value.is_finite()) {
         return json!({ "from": least, "step": 0.0, "count": values.len() });
     }

@@ -3,6 +3,7 @@
 use super::Point;
 use crate::ticks;
 use protocol::units::CentiRpm;
+use study::statistics::extremes;
 
 /// The most cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 40;
@@ -30,8 +31,7 @@ impl Axis {
     }
 
     fn range(speeds: &[f64]) -> Self {
-        let low = speeds.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = speeds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let [low, high] = extremes(speeds.iter().copied());
         let margin = MARGIN * (high - low).max(1.0);
         Self { from_rpm: low - margin, to_rpm: high + margin, nodes: 0 }
     }
