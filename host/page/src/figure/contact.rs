@@ -37,9 +37,7 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
         let values = times.iter().zip(&data.forces.values[of.in_sample()][0]).filter(|(time, _)| shown(time));
         let curve: Vec<[f64; 2]> = values.map(|(time, value)| [time - start, value * scale]).collect();
         let y = Axis::about(curve.iter().map(|[_, value]| *value), least, label);
-        let panel = Panel::across(&sheet, x.clone(), y, top, PANEL_MM);
-        panel.frame(&mut sheet, is_last);
-        sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
+        let panel = Panel::across(&mut sheet, x.clone(), y, top, PANEL_MM, is_last);
         panel.curve(&mut sheet, &curve, Stroke(MEASURED, 0.8, ""));
         top += panel.height + if is_last { 8.5 * MM } else { 2.5 * MM };
     }

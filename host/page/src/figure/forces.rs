@@ -44,9 +44,7 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
             points.filter(|[time, _]| (from..=to).contains(time)).collect()
         });
         let y = Axis::about(curves.iter().flatten().map(|[_, force]| *force), 0.1, label);
-        let panel = Panel::across(&sheet, x.clone(), y, top, PANEL_MM);
-        panel.frame(&mut sheet, axis == 2);
-        sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
+        let panel = Panel::across(&mut sheet, x.clone(), y, top, PANEL_MM, axis == 2);
         for (curve, stroke) in curves.iter().zip(strokes) {
             panel.curve(&mut sheet, curve, stroke);
         }

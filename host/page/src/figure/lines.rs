@@ -38,9 +38,8 @@ pub(super) fn draw(curves: &[Curve], [x, y]: [&str; 2], by: &str, under: &[Strin
     let values: Vec<f64> = points().flat_map(ends).collect();
     let xs: Vec<f64> = points().map(|point| point.x).collect();
     let rows = legend(&mut sheet, curves, by);
-    let panel = Panel::across(&sheet, axis(&xs, x), axis(&values, y), 2.0 * MM + rows * 1.5 * FONT_PT, PANEL_MM);
-    panel.frame(&mut sheet, true);
-    sheet.upright(3.2 * MM, panel.top + 0.5 * panel.height, y);
+    let top = 2.0 * MM + rows * 1.5 * FONT_PT;
+    let panel = Panel::across(&mut sheet, axis(&xs, x), axis(&values, y), top, PANEL_MM, true);
     for (k, curve) in curves.iter().enumerate() {
         let Stroke(colour, ..) = stroke(k);
         let band: Vec<[f64; 3]> =

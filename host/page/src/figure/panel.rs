@@ -61,10 +61,13 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// Returns a panel across the sheet, with room for the words of its axes.
-    pub fn across(sheet: &Sheet, x: Axis, y: Axis, top: f64, height_mm: f64) -> Self {
+    /// Draws a panel across the sheet with the words of its axes, those of the x axis with `has_x`.
+    pub fn across(sheet: &mut Sheet, x: Axis, y: Axis, top: f64, height_mm: f64, has_x: bool) -> Self {
         let width = sheet.width - (LEFT_MM + RIGHT_MM) * MM;
-        Self { x, y, left: LEFT_MM * MM, top, width, height: height_mm * MM }
+        let panel = Self { x, y, left: LEFT_MM * MM, top, width, height: height_mm * MM };
+        panel.frame(sheet, has_x);
+        sheet.upright(3.2 * MM, top + 0.5 * panel.height, &panel.y.label);
+        panel
     }
 
     /// Returns where a point is on the sheet.

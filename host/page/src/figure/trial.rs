@@ -55,9 +55,8 @@ pub(super) fn draw(
     for (k, label) in ANGLES.into_iter().enumerate() {
         let is_last = k + 1 == ANGLES.len();
         let values = points.iter().flat_map(|point| [point.measured_deg[k], point.modelled_deg[k]]);
-        let mut panel = Panel::across(&sheet, x.clone(), Axis::about(values, 1.0, label), top, ANGLE_MM);
-        panel.frame(&mut sheet, is_last && compared.is_none());
-        sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
+        let y = Axis::about(values, 1.0, label);
+        let mut panel = Panel::across(&mut sheet, x.clone(), y, top, ANGLE_MM, is_last && compared.is_none());
         let around = |middle: fn(&Point, usize) -> f64| -> Vec<[f64; 3]> {
             let edges = |point: &Point| {
                 let (value, half) = (middle(point, k), half(point, k));
@@ -79,9 +78,8 @@ pub(super) fn draw(
             // Before the run, neither attitude has its zero.
             let in_run = points.iter().filter(|point| point.time_s >= 0.0);
             let values = in_run.flat_map(|point| [residual(point, k), half(point, k), -half(point, k)]);
-            (panel.y, panel.top, panel.height) = (Axis::about(values, 0.1, ""), top, RESIDUAL_MM * MM);
-            panel.frame(&mut sheet, is_last);
-            sheet.upright(3.2 * MM, top + 0.5 * panel.height, "Δ (°)");
+            let y = Axis::about(values, 0.1, "Δ (°)");
+            panel = Panel::across(&mut sheet, x.clone(), y, top, RESIDUAL_MM, is_last);
             if has_band {
                 panel.band(&mut sheet, &around(|_, _| 0.0), MEASURED);
             }
