@@ -72,17 +72,19 @@ mod generator {
         }
         config.out_dir(folder).compile_fds(compile(&SCHEMAS)).unwrap();
         for file in files(folder).iter().filter(|file| file.extension() == Some("rs".as_ref())) {
-            fs::write(file, without_parsers(&fs::read_to_string(file).unwrap())).unwrap();
+            fs::write(file, without_names(&fs::read_to_string(file).unwrap())).unwrap();
         }
         fs::write(folder.join(SOURCES), sources()).unwrap();
     }
 
-    /// Leaves out the functions that find a value by its name: logs have numbers.
-    fn without_parsers(code: &str) -> String {
+    /// Leaves out the functions that give the name of a value, or find it by its name: logs have numbers. Only the names of
+    /// faults are shown.
+    fn without_names(code: &str) -> String {
         let mut end_of_function = None;
         let is_kept = |line: &&str| {
             let indent = &line[..line.len() - line.trim_start().len()];
-            if line.trim_start().starts_with("/// Creates an enum from field names") {
+            let of_names = line.trim_start().starts_with("impl ") && !line.contains("impl Fault ");
+            if of_names || line.trim_start().starts_with("/// Creates an enum from field names") {
                 end_of_function = Some(format!("{indent}}}\n"));
             }
             let is_kept = end_of_function.is_none();

@@ -187,24 +187,6 @@ pub mod event {
         Clock = 6,
         Warning = 7,
     }
-    impl Kind {
-        /// String value of the enum field names used in the ProtoBuf definition.
-        ///
-        /// The values are not transformed in any way and thus are considered stable
-        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-        pub fn as_str_name(&self) -> &'static str {
-            match self {
-                Self::Note => "KIND_NOTE",
-                Self::Phase => "KIND_PHASE",
-                Self::State => "KIND_STATE",
-                Self::Fault => "KIND_FAULT",
-                Self::Retry => "KIND_RETRY",
-                Self::Calibration => "KIND_CALIBRATION",
-                Self::Clock => "KIND_CLOCK",
-                Self::Warning => "KIND_WARNING",
-            }
-        }
-    }
 }
 /// Channel /truth, of modelled and simulated robots: the exact state, without sensor errors or rounding. Of imported trials: the
 /// state as other instruments measured it.
@@ -284,19 +266,6 @@ pub mod forces {
         /// Contact, wound around each other.
         Bundled = 2,
     }
-    impl Bundling {
-        /// String value of the enum field names used in the ProtoBuf definition.
-        ///
-        /// The values are not transformed in any way and thus are considered stable
-        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-        pub fn as_str_name(&self) -> &'static str {
-            match self {
-                Self::Apart => "BUNDLING_APART",
-                Self::Touching => "BUNDLING_TOUCHING",
-                Self::Bundled => "BUNDLING_BUNDLED",
-            }
-        }
-    }
 }
 /// Channel /nodes, of modelled and simulated robots, if requested: the centre lines of the flagella. Body axes.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -369,21 +338,6 @@ pub enum State {
     Faulted = 3,
     /// Motors driven open-loop.
     Driving = 4,
-}
-impl State {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::Idle => "STATE_IDLE",
-            Self::Calibrating => "STATE_CALIBRATING",
-            Self::Running => "STATE_RUNNING",
-            Self::Faulted => "STATE_FAULTED",
-            Self::Driving => "STATE_DRIVING",
-        }
-    }
 }
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]

@@ -151,19 +151,6 @@ pub mod line_primitive {
         /// Individual line segments: 0-1, 2-3, 4-5, ...
         LineList = 2,
     }
-    impl Type {
-        /// String value of the enum field names used in the ProtoBuf definition.
-        ///
-        /// The values are not transformed in any way and thus are considered stable
-        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-        pub fn as_str_name(&self) -> &'static str {
-            match self {
-                Self::LineStrip => "LINE_STRIP",
-                Self::LineLoop => "LINE_LOOP",
-                Self::LineList => "LINE_LIST",
-            }
-        }
-    }
 }
 /// A visual element in a 3D scene. An entity may be composed of multiple primitives which all share the same frame of
 /// reference.
@@ -262,25 +249,6 @@ pub mod packed_element_field {
         Float32 = 7,
         /// 64-bit floating-point number
         Float64 = 8,
-    }
-    impl NumericType {
-        /// String value of the enum field names used in the ProtoBuf definition.
-        ///
-        /// The values are not transformed in any way and thus are considered stable
-        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-        pub fn as_str_name(&self) -> &'static str {
-            match self {
-                Self::Unknown => "UNKNOWN",
-                Self::Uint8 => "UINT8",
-                Self::Int8 => "INT8",
-                Self::Uint16 => "UINT16",
-                Self::Int16 => "INT16",
-                Self::Uint32 => "UINT32",
-                Self::Int32 => "INT32",
-                Self::Float32 => "FLOAT32",
-                Self::Float64 => "FLOAT64",
-            }
-        }
     }
 }
 /// A collection of N-dimensional points, which may contain additional fields with information like normals, intensity,
