@@ -113,9 +113,8 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed, longest_s: f64) -> Stri
         }
         None => format!("{target}: no trial of the robot {robot} has ended within {time}\n"),
     };
-    for solution in aimed.solutions.iter().chain(&aimed.nearest) {
-        text += &describe_solution(solution, aimed.confidence);
-    }
+    let described = |solution| describe_solution(solution, aimed.confidence);
+    text.extend(aimed.solutions.iter().chain(&aimed.nearest).map(described));
     // Writing to a string cannot fail.
     if !aimed.is_complete() {
         let over = format!("the {time} were over before the model had answered everything");

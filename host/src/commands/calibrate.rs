@@ -4,7 +4,6 @@ use super::answer::{Answer, Outcome, are_slight, finding_line};
 use super::options::{closure, cores, written_as};
 use crate::plan::robot;
 use crate::progress::Progress;
-use crate::trial::LogFinding;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use crate::{output, text, twin};
 use rayon::prelude::*;
@@ -117,14 +116,9 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     let _ = writeln!(text, "{misfit}; RMSE {rmse_before_deg:.3} deg before, {rmse_after_deg:.3} deg after");
     let number = format!("condition number of the correlations {:.0}", calibration.condition_number);
     let _ = writeln!(text, "{number} (if large, the parameters are hardly separable)");
-    for LogFinding { log, finding } in &calibration.findings {
-        let _ = writeln!(text, "{}", finding_line(Some(log), finding));
-    }
-    for line in calibration.cannot_tell.iter().chain(&calibration.misfits).chain(&calibration.warnings) {
-        let _ = writeln!(text, "warning: {line}");
-    }
-    for line in &calibration.notes {
-        let _ = writeln!(text, "note: {line}");
-    }
+    text.extend(calibration.findings.iter().map(|found| finding_line(Some(&found.log), &found.finding) + "\n"));
+    let warnings = calibration.cannot_tell.iter().chain(&calibration.misfits).chain(&calibration.warnings);
+    text.extend(warnings.map(|line| format!("warning: {line}\n")));
+    text.extend(calibration.notes.iter().map(|line| format!("note: {line}\n")));
     text + &format!("robot {}", out.display())
 }

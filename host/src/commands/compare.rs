@@ -111,9 +111,7 @@ fn describe(comparison: &SessionComparison) -> String {
             let log = is_other.then(|| format!("{} {}", trial.other, of_log.log));
             let _ = writeln!(text, "  {}", finding_line(log.as_deref(), &of_log.finding));
         }
-        for warning in &trial.warnings {
-            let _ = writeln!(text, "  warning: {warning}");
-        }
+        text.extend(trial.warnings.iter().map(|warning| format!("  warning: {warning}\n")));
     }
     if comparison.trials.len() > 1 {
         let rmse = [comparison.yaw_rmse_deg, comparison.pitch_rmse_deg, comparison.roll_rmse_deg];
@@ -122,17 +120,13 @@ fn describe(comparison: &SessionComparison) -> String {
         let trials = count(comparison.trials.len(), "trial");
         let _ = writeln!(text, "{trials}: RMSE yaw {yaw}°, pitch {pitch}°, roll {roll}°{}", together(comparison));
         let _ = writeln!(text, "  {}.", comparison.verdict);
-        for name in comparison.chance.iter().flat_map(|chance| &chance.beyond) {
-            let _ = writeln!(text, "  beyond chance: {name}");
-        }
+        let beyond = comparison.chance.iter().flat_map(|chance| &chance.beyond);
+        text.extend(beyond.map(|name| format!("  beyond chance: {name}\n")));
     }
     let told = |log: &String| comparison.trials.iter().any(|trial| trial.findings.iter().any(|one| one.log == *log));
-    for of_log in comparison.findings.iter().filter(|of_log| !told(&of_log.log)) {
-        let _ = writeln!(text, "{}", finding_line(Some(&of_log.log), &of_log.finding));
-    }
-    for trial in &comparison.skipped {
-        let _ = writeln!(text, "skipped: {}: {}", trial.name, trial.reason);
-    }
+    let others = comparison.findings.iter().filter(|of_log| !told(&of_log.log));
+    text.extend(others.map(|of_log| finding_line(Some(&of_log.log), &of_log.finding) + "\n"));
+    text.extend(comparison.skipped.iter().map(|trial| format!("skipped: {}: {}\n", trial.name, trial.reason)));
     text
 }
 

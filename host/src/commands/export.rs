@@ -6,7 +6,6 @@ use crate::output::{ending, has_ending};
 use crate::text::count;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
-use std::fmt::Write;
 use std::path::PathBuf;
 use system::file::full_path;
 
@@ -77,10 +76,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     });
     let files = if is_session { format!("{}, ", count(exported.files.len(), "file")) } else { String::new() };
     let mut text = format!("{}: {files}{}\n", output.display(), count(exported.rows, "row"));
-    for log in &exported.damaged {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "warning: {log}: cut off or damaged; only what can be read was exported");
-    }
+    let damaged = |log| format!("warning: {log}: cut off or damaged; only what can be read was exported\n");
+    text.extend(exported.damaged.iter().map(damaged));
     text += lines_of_logs(&exported.findings).trim_start();
     Answer::new(Outcome::of(is_sound), &body, text)
 }

@@ -255,9 +255,8 @@ fn session(folder: &Path) -> miette::Result<Answer> {
         // A log that is being recorded has no end yet.
         let open = attempt.is_some_and(|attempt| recorded == Some(attempt.path.as_path()));
         let own = if open { &[][..] } else { &row.findings };
-        for finding in own.iter().chain(left_out).filter(|finding| finding.grave) {
-            let _ = writeln!(text, "    {}", finding_line(None, finding));
-        }
+        let grave = own.iter().chain(left_out).filter(|finding| finding.grave);
+        text.extend(grave.map(|finding| format!("    {}\n", finding_line(None, finding))));
     }
     let repeats = scatter_of_repeats(rows.iter().filter_map(|row| row.repeat.as_ref()));
     repeats.iter().for_each(|set| text += &scatter(set));

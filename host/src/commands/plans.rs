@@ -32,9 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut text = String::new();
     for (title, files) in [("Plans", &plans), ("Robot files", &robots)] {
         let _ = writeln!(text, "{title}:");
-        for file in files {
-            let _ = writeln!(text, "  {:width$}  {}", file.name, file.about());
-        }
+        text.extend(files.iter().map(|file| format!("  {:width$}  {}\n", file.name, file.about())));
     }
     let list = |files: &[Shipped]| -> Vec<_> {
         files.iter().map(|file| json!({ "name": file.name, "about": file.about() })).collect()

@@ -58,9 +58,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     if let Some(kept) = kept {
         let _ = writeln!(text, "  the damaged one is kept as {}", kept.display());
     }
-    for reason in &unreadable {
-        let _ = writeln!(text, "  not used: {reason}");
-    }
+    text.extend(unreadable.iter().map(|reason| format!("  not used: {reason}\n")));
     Answer::new(Outcome::of(unreadable.is_empty()), &body, text)
 }
 
@@ -90,10 +88,7 @@ fn log(args: &Args) -> miette::Result<Answer> {
         "losses": losses,
     });
     let mut text = format!("{}: {} messages\n", output.display(), recovery.messages);
-    for loss in &losses {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "  lost: {loss}");
-    }
+    text.extend(losses.iter().map(|loss| format!("  lost: {loss}\n")));
     if recovery.strays > 0 {
         let _ = writeln!(text, "  lost: {} messages of unknown channels", recovery.strays);
     }

@@ -50,9 +50,7 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
     let image = image::of_program()?;
     arguments.extend(["--firmware".into(), image.elf.clone().into_os_string()]);
     arguments.extend(["--patience".into(), PATIENCE_S.into()]);
-    for fault in faults {
-        arguments.extend(["--fault".into(), fault.into()]);
-    }
+    arguments.extend(faults.iter().flat_map(|fault| ["--fault".into(), fault.into()]));
     VirtualNano::start(&program, arguments).map_err(|error| match error {
         // The board's program checks the values of its own options.
         VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {

@@ -150,9 +150,8 @@ impl Content {
 
     fn add_tables(&mut self, folder: &Path) -> miette::Result<()> {
         let tables = export_session(folder, &self.made.join("tables"), Format::Csv, false)?;
-        for log in &tables.damaged {
-            self.notes.push(format!("{log}: cut off or damaged; the table has what can be read"));
-        }
+        let damaged = |log| format!("{log}: cut off or damaged; the table has what can be read");
+        self.notes.extend(tables.damaged.iter().map(damaged));
         for file in tables.files {
             let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let about = match name.as_str() {

@@ -97,9 +97,7 @@ fn readout(view: &View) -> Markup {
             [(true, ""), (is_compared, "model_"), (truth, "true_")].into_iter().filter(|(is_there, _)| *is_there);
         rows.push((name, "", sides.map(|(_, side)| Some(format!("attitude {side}{column} 2"))).collect()));
     }
-    for (name, key, column) in SPEEDS {
-        rows.push((name, key, beside(format!("motors {column} 1")).collect()));
-    }
+    rows.extend(SPEEDS.map(|(name, key, column)| (name, key, beside(format!("motors {column} 1")).collect())));
     for (name, column) in THRUSTS.into_iter().filter(|_| view.curves.has_forces) {
         let mut outs: Vec<_> = beside(format!("forces {column} 2")).collect();
         if view.borrowed_forces {

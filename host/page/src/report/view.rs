@@ -196,9 +196,8 @@ fn warnings(trial: &Judged, comparison: Option<&Comparison>) -> Vec<Warning> {
             warnings.push(Warning { brief: format!("{other}: {}", warning.brief), ..warning });
         }
     }
-    for text in comparison.iter().flat_map(|comparison| &comparison.warnings) {
-        warnings.push(Warning::new(&clip(text, 80), clip(text, 500)));
-    }
+    let further = comparison.iter().flat_map(|comparison| &comparison.warnings);
+    warnings.extend(further.map(|text| Warning::new(&clip(text, 80), clip(text, 500))));
     warnings
 }
 

@@ -204,9 +204,7 @@ pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> mie
     if kept == Kept::Failed {
         warnings.push("the board's memory does not keep the scales: name the file in your plans".to_owned());
     }
-    for warning in &warnings {
-        text += &format!("warning: {warning}\n");
-    }
+    text.extend(warnings.iter().map(|warning| format!("warning: {warning}\n")));
     if kept == Kept::Scales {
         text += "the board keeps the scales\n";
     }

@@ -50,9 +50,7 @@ pub fn of_csv(text: &str) -> Result<Table, String> {
     let mut cells = vec![Vec::new(); names.len()];
     for record in reader.records() {
         let record = record.map_err(|error| error.to_string())?;
-        for (column, cell) in cells.iter_mut().zip(&record) {
-            column.push(cell.to_owned());
-        }
+        cells.iter_mut().zip(&record).for_each(|(column, cell)| column.push(cell.to_owned()));
     }
     let mut header: Vec<&str> = text.lines().map_while(|line| line.strip_prefix("# ")).collect();
     let columns = names.iter().zip(cells).map(|(name, cells)| {

@@ -142,12 +142,9 @@ impl Plot {
             }
         } else {
             lines += &format!("M{LEFT} {TOP}H{right}V{}H{LEFT}Z", short(bottom));
-            for speed in self.across.ticks(right - LEFT, 34.0) {
-                lines += &format!("M{} {TOP}V{}", short(self.x(speed)), short(bottom));
-            }
-            for speed in self.down.ticks(bottom - TOP, 22.0) {
-                lines += &format!("M{LEFT} {}H{right}", short(self.y(speed)));
-            }
+            let (across, down) = (self.across.ticks(right - LEFT, 34.0), self.down.ticks(bottom - TOP, 22.0));
+            lines.extend(across.iter().map(|w1| format!("M{} {TOP}V{}", short(self.x(*w1)), short(bottom))));
+            lines.extend(down.iter().map(|w2| format!("M{LEFT} {}H{right}", short(self.y(*w2)))));
         }
         html! { path class="empty" d=(lines) {} }
     }
