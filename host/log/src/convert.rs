@@ -146,7 +146,7 @@ fn fault(fault: Fault) -> biflag::Fault {
         Encoder2Noisy)
 }
 
-fn vector([x, y, z]: [f64; 3]) -> Vector {
+pub(super) fn vector([x, y, z]: [f64; 3]) -> Vector {
     Vector { x, y, z }
 }
 

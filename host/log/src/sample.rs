@@ -1,5 +1,6 @@
 //! Converts samples of the model to messages of the log.
 
+use super::convert::vector;
 use super::schema::biflag::{Forces, Nodes, Quaternion, Truth, Vector, forces};
 use sim::contact::bundling::Bundling;
 use sim::trial::quantity::{AXIAL_TORQUE, CONTACT, FORCE, MAX_PENETRATION, MIN_GAP, SAMPLE_COLUMNS, WINDING};
@@ -86,10 +87,6 @@ impl Nodes {
         };
         Some([line(&self.flagellum1_m)?, line(&self.flagellum2_m)?])
     }
-}
-
-fn vector([x, y, z]: [f64; 3]) -> Vector {
-    Vector { x, y, z }
 }
 
 #[cfg(test)]

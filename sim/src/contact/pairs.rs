@@ -101,10 +101,6 @@ impl Pair {
         let ([a, b], [e, f], [s, t]) = (self.rods, self.edges, self.at);
         [(a, e, 1.0 - s), (a, e + 1, s), (b, f, t - 1.0), (b, f + 1, -t)]
     }
-
-    fn same_edges(&self, other: &Pair) -> bool {
-        self.rods == other.rods && self.edges == other.edges
-    }
 }
 
 /// Returns the pairs of a new step with the forces of the old ones as their start.
@@ -138,7 +134,7 @@ pub fn warm_start(old: &[Pair], mut new: Vec<Pair>, edge: f64, contact_distance:
 pub fn extend(pairs: &mut Vec<Pair>, new: Vec<Pair>, contact_distance: f64, overlap: f64) -> usize {
     let mut overlapping = 0;
     for mut pair in new {
-        if pairs.iter().any(|p| p.same_edges(&pair)) {
+        if pairs.iter().any(|p| p.rods == pair.rods && p.edges == pair.edges) {
             continue;
         }
         align_normal(pairs, &mut pair, contact_distance);

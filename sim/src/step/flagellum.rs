@@ -99,16 +99,11 @@ impl Flagellum {
         self.near.assemble(&self.shape.nodes, self.epsilon, self.viscosity);
     }
 
-    /// Updates the frames at the trial shape.
-    pub fn update_frames(&mut self, state: &RodState) {
-        self.frames.update(&state.frames, &self.shape.nodes, &self.shape.angles);
-    }
-
     /// Updates frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
     /// in the shaft frame, N/m.
     pub fn update_forces(&mut self, rod: &Rod, state: &RodState, weight: V3) {
-        self.update_frames(state);
         let shape = &self.shape;
+        self.frames.update(&state.frames, &shape.nodes, &shape.angles);
         rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
         self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
         for i in CLAMPED..rod.nodes() {

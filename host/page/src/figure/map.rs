@@ -7,6 +7,7 @@ use super::panel::{Axis, Panel, tick_text};
 use super::sheet::{FONT_PT, INK, MM, Sheet, Stroke, short};
 use crate::swept::CONTOUR_NODES;
 use crate::viridis::colour;
+use study::statistics::distinct;
 
 /// The most cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 80;
@@ -118,7 +119,7 @@ pub(super) fn draw(
 
 /// Returns an axis over all values: half a cell beyond the outermost.
 fn extent(cells: impl Iterator<Item = f64>, all: impl Iterator<Item = f64>, label: &str) -> Axis {
-    let [cells, all] = [distinct(cells.collect()), distinct(all.collect())];
+    let [cells, all] = [distinct(cells), distinct(all)];
     let [low, high] = [all[0], all[all.len() - 1]];
     let room = if cells.len() > 1 && cells.len() <= MAX_CELLS {
         0.5 * (cells[cells.len() - 1] - cells[0]) / (cells.len() - 1) as f64
@@ -127,12 +128,6 @@ fn extent(cells: impl Iterator<Item = f64>, all: impl Iterator<Item = f64>, labe
     };
     let room = if room > 0.0 { room } else { 0.5 };
     Axis::new(low - room, high + room, label)
-}
-
-fn distinct(mut sorted: Vec<f64>) -> Vec<f64> {
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    sorted
 }
 
 fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
@@ -264,7 +259,7 @@ fn colour_bar(sheet: &mut Sheet, panel: &Panel, scale: &Axis, levels: &[f64], sh
 impl Grid {
     /// Returns the grid of points if most of its nodes have one; `None` for scattered points.
     fn of(points: &[Point]) -> Option<Self> {
-        let [xs, ys] = [0, 1].map(|k| distinct(points.iter().map(|point| point.at[k]).collect()));
+        let [xs, ys] = [0, 1].map(|k| distinct(points.iter().map(|point| point.at[k])));
         let nodes = xs.len() * ys.len();
         if xs.len() < 2 || ys.len() < 2 || xs.len() > MAX_CELLS || ys.len() > MAX_CELLS || 2 * points.len() < nodes {
             return None;

@@ -1,6 +1,6 @@
 //! The scatter of repeats beside their budget: a table and bars.
 
-use super::text::{degrees, number, plain};
+use super::text::{degrees, number, plain, short};
 use maud::{Markup, html};
 use study::text::capitalised;
 use study::trial::{Judgement, Repeats, Scatter};
@@ -91,11 +91,6 @@ fn bars(rows: &[(&Repeats, &Scatter)], title: &str) -> Markup {
             }
         }
     }
-}
-
-/// A coordinate to a tenth.
-fn short(value: f64) -> f64 {
-    (value * 10.0).round() / 10.0
 }
 
 #[cfg(test)]

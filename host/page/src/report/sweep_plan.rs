@@ -5,6 +5,7 @@ use super::scroll::scrolled;
 use super::text::{clip, plain};
 use maud::{Markup, html};
 use std::path::Path;
+use study::statistics::distinct;
 use study::sweep::{
     Axis, Design, Folder, Key, Scale, SweepError, SweepPlan, Values, csv_path, is_folder, parquet_path,
 };
@@ -136,12 +137,7 @@ fn listed(values: &[f64]) -> String {
 
 /// Returns pairs of speeds in words: the values of both if every one meets every other, or each of a few pairs.
 fn speeds(pairs: &[[f64; 2]]) -> String {
-    let [w1, w2] = [0, 1].map(|k| {
-        let mut values: Vec<f64> = pairs.iter().map(|pair| pair[k]).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        values
-    });
+    let [w1, w2] = [0, 1].map(|k| distinct(pairs.iter().map(|pair| pair[k])));
     if w1.len() > 1 && w2.len() > 1 && w1.len() * w2.len() == pairs.len() {
         return format!("every pair of w1 = {} and w2 = {} rpm", stepped(&w1), stepped(&w2));
     }

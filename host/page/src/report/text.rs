@@ -26,6 +26,11 @@ pub(super) fn plain(value: f64) -> String {
     if value < 0.0 { format!("−{}", -value) } else { format!("{}", value.abs()) }
 }
 
+/// A coordinate to a tenth.
+pub(super) fn short(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0
+}
+
 /// A count and the noun it counts, in the singular or the plural.
 pub(super) fn count(n: impl TryInto<u64>, one: &str, more: &str) -> String {
     let n = n.try_into().unwrap_or(u64::MAX);

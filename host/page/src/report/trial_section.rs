@@ -215,7 +215,8 @@ fn charts(view: &View) -> Markup {
             @let charts = if view.comparison.is_some() { vec![name, error] } else { vec![name] };
             (chart(&charts, title, &angle_entries(view, name == "yaw")))
         }
-        (chart(&["motors"], "Speed of the flagella, rpm", &motor_entries(view)))
+        @let motors: Vec<_> = speed_entries().into_iter().chain(Entry::range(view.curves.motors_range_s)).collect();
+        (chart(&["motors"], "Speed of the flagella, rpm", &motors))
         @if view.curves.has_forces { (force_charts(view)) }
         @if view.is_recorded() { (link_chart(view)) }
         p.meta.small {
@@ -251,10 +252,6 @@ fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
         entries.push(Entry::new("c-model", &format!("below: {other} minus {}", view.own_name()), ""));
     }
     entries
-}
-
-fn motor_entries(view: &View) -> Vec<Entry> {
-    speed_entries().into_iter().chain(Entry::range(view.curves.motors_range_s)).collect()
 }
 
 pub(super) fn speed_entries() -> [Entry; 4] {

@@ -185,7 +185,8 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
         for (start, result) in group.iter().zip(refined) {
             let is_finished = |found: &Found| found.trial.error <= REACHED || !found.trial.is_cut_short;
             if !result.as_ref().map_or_else(|error| !matches!(error, AimError::TimeOver), is_finished) {
-                unfinished.push(proposal(table, start.rpm));
+                let [w1_rpm, w2_rpm] = start.rpm;
+                unfinished.push(Proposal { w1_rpm, w2_rpm, attitude: table.about(start.rpm).at(start.rpm) });
             }
             match result {
                 Ok(refined) => found.push(refined),
@@ -226,11 +227,6 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
     let reachable = !solutions.is_empty();
     let (confidence, doubts) = (known.confidence(), known.doubts.clone());
     Ok(Aimed { reachable, confidence, doubts, solutions, nearest, unfinished })
-}
-
-/// Returns speeds with the attitude of the table.
-fn proposal(table: &Table, rpm: [f64; 2]) -> Proposal {
-    Proposal { w1_rpm: rpm[0], w2_rpm: rpm[1], attitude: table.about(rpm).at(rpm) }
 }
 
 /// Returns speeds that meet the target in the table, or come near it, in the order in which to refine them.

@@ -18,6 +18,14 @@ pub fn extremes(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
     numbers.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| [least.min(x), most.max(x)])
 }
 
+/// Returns numbers in order, each once.
+pub fn distinct(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut sorted: Vec<f64> = numbers.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted
+}
+
 /// Returns the two-sided probability of a ratio at least this large, of a difference to its standard uncertainty, by
 /// Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
 pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {

@@ -5,7 +5,7 @@
 
 mod axis;
 
-use super::text::{degrees, number, plain};
+use super::text::{degrees, number, plain, short};
 use crate::viridis::colour;
 use axis::Axis;
 use maud::{Markup, html};
@@ -203,11 +203,6 @@ fn colour_scale(scale_deg: f64, symbol: &str, bottom: f64) -> Markup {
             text x=(short(left + 17.0)) y=(short(bottom - share * (height - 9.0))) { (number(share * scale_deg, decimals)) }
         }
     }
-}
-
-/// A coordinate to a tenth.
-fn short(value: f64) -> String {
-    format!("{}", (value * 10.0).round() / 10.0)
 }
 
 #[cfg(test)]
