@@ -4,6 +4,7 @@ use super::answer::{Answer, Outcome, are_slight, finding_line};
 use super::options::{closure, cores, written_as};
 use crate::plan::robot;
 use crate::progress::Progress;
+use crate::statistics::each_once;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use crate::{output, text, twin};
 use rayon::prelude::*;
@@ -55,12 +56,7 @@ const USUAL_PARAMETERS: usize = 4;
 pub fn run(args: &Args) -> miette::Result<Answer> {
     // Check first that the file can be written, because a fit may take an hour.
     output::check_new(&args.out)?;
-    let mut parameters = Vec::new();
-    for parameter in &args.fit {
-        if !parameters.contains(parameter) {
-            parameters.push(*parameter);
-        }
-    }
+    let parameters = each_once(args.fit.iter().copied());
     let robot = args.robot.as_deref().map(robot::load).transpose()?.map(|file| file.parse()).transpose()?;
     let (mut logs, mut left_out) = (Vec::new(), Vec::new());
     for path in &args.logs {

@@ -11,6 +11,7 @@ use maud::{Markup, html};
 use std::path::Path;
 use study::plan::Plan;
 use study::run::model::note_on_phases;
+use study::statistics::each_once;
 use study::text::{capitalised, word};
 use study::trial::{AtSpeeds, mean_of_repeats, scatter_of_repeats};
 use study::twin::SessionComparison;
@@ -312,13 +313,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
 
 /// Returns the verdict and the warnings of a trial in a few words each, and none twice.
 fn briefs(view: &View, verdict: Option<&'static str>) -> String {
-    let mut briefs: Vec<&str> = verdict.into_iter().collect();
-    for warning in &view.warnings {
-        if !briefs.contains(&warning.brief.as_str()) {
-            briefs.push(&warning.brief);
-        }
-    }
-    briefs.join(", ")
+    each_once(verdict.into_iter().chain(view.warnings.iter().map(|warning| warning.brief.as_str()))).join(", ")
 }
 
 fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Columns) -> Markup {

@@ -26,6 +26,17 @@ pub fn distinct(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
     sorted
 }
 
+/// Returns the items in their order, equal ones once.
+pub fn each_once<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for item in items {
+        if !found.contains(&item) {
+            found.push(item);
+        }
+    }
+    found
+}
+
 /// Returns the two-sided probability of a ratio at least this large, of a difference to its standard uncertainty, by
 /// Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
 pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {

@@ -46,9 +46,9 @@ impl SensorKey {
         Self { board_id, ..Self::default() }
     }
 
-    /// Returns whether both are the same device, whatever its measured errors. Boards without a number count as one.
-    pub fn is_of_board(&self, other: &Self) -> bool {
-        self.board_id == other.board_id && self.emulated == other.emulated
+    /// Returns what tells devices apart, whatever their measured errors. Boards without a number count as one.
+    pub fn board(&self) -> (u16, Option<&[f64]>) {
+        (self.board_id, self.emulated.as_deref())
     }
 
     /// Returns whether a recording of another session is certainly from the same sensor. Boards without numbers may be

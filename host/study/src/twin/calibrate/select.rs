@@ -2,6 +2,7 @@
 
 use super::data::FitTrial;
 use super::{Parameter, Request, TwinError, failed, phase};
+use crate::statistics::each_once;
 use crate::text::{count, listed};
 use crate::trial::{Finding, LogFinding};
 use crate::twin::sensor_key::SensorKey;
@@ -124,11 +125,6 @@ pub(super) fn parameters(
 
 /// Returns the number of boards that recorded the trials.
 fn boards(trials: &[FitTrial]) -> usize {
-    let mut boards: Vec<&SensorKey> = Vec::new();
-    for sensor in trials.iter().filter_map(|trial| trial.errors.sensor.as_ref()) {
-        if !boards.iter().any(|board| sensor.is_of_board(board)) {
-            boards.push(sensor);
-        }
-    }
-    boards.len()
+    let sensors = trials.iter().filter_map(|trial| trial.errors.sensor.as_ref());
+    each_once(sensors.map(SensorKey::board)).len()
 }

@@ -14,6 +14,7 @@
 
 use super::errors::TrialErrors;
 use super::{Blocks, TwinError, failed};
+use crate::statistics::each_once;
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -66,12 +67,7 @@ impl Weights {
             Ok(OfTrial { own, common, effects })
         };
         let all: Vec<OfTrial> = trials.par_iter().map(one).collect::<Result<_, _>>()?;
-        let mut ids: Vec<&Option<SensorKey>> = Vec::new();
-        for trial in trials {
-            if !ids.contains(&&trial.sensor) {
-                ids.push(&trial.sensor);
-            }
-        }
+        let ids = each_once(trials.iter().map(|trial| &trial.sensor));
         let of = |id: &Option<SensorKey>| {
             let trials: Vec<usize> = (0..trials.len()).filter(|i| trials[*i].sensor == *id).collect();
             let columns = trials.first().map_or(0, |first| all[*first].common[0].ncols());
