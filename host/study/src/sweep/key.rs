@@ -50,12 +50,7 @@ impl Group {
 
     /// Returns the key in a plan.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Stiffness => "group.stiffness",
-            Self::Spacing => "group.spacing",
-            Self::Pitch => "group.pitch",
-            Self::Radius => "group.radius",
-        }
+        ["group.stiffness", "group.spacing", "group.pitch", "group.radius"][self as usize]
     }
 
     fn place(self, groups: &mut Groups) -> &mut f64 {
