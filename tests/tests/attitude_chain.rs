@@ -188,7 +188,7 @@ fn logged_attitude_agrees_with_the_truth() {
     assert!(sensor.seed == 1 && sensor.kind == "typical" && sensor.gyro_scale[0] != 0.0, "{sensor:?}");
     assert_eq!(reader.meta::<ModelMeta>().unwrap().robot(), Some(Default::default()));
     for topic in ["/truth", "/forces", "/flagella", "/flagella_points"] {
-        assert!(reader.counts().get(topic).is_some_and(|count| *count > 300), "{topic}: {:?}", reader.counts());
+        assert!(reader.counts.get(topic).is_some_and(|count| *count > 300), "{topic}: {:?}", reader.counts);
     }
     assert!(reader.meta::<Summary>().is_some());
 }
@@ -210,7 +210,7 @@ fn simulator_failure_ends_the_trial_with_its_reason() {
     let reader = read(&log);
     let summary = reader.meta::<Summary>().unwrap();
     assert!(summary.end == End::Failed && summary.reason.contains("no step from"), "{summary:?}");
-    assert!(reader.counts()["/telemetry"] > 300 && reader.counts()["/truth"] > 80, "{:?}", reader.counts());
+    assert!(reader.counts["/telemetry"] > 300 && reader.counts["/truth"] > 80, "{:?}", reader.counts);
 }
 
 /// The four published points, each with 25 sensors: `cargo test --release -p tests --test all attitude_chain -- --ignored

@@ -23,7 +23,7 @@ fn read(path: &Path) -> Option<Content> {
     let messages = reader.by_ref().map(Result::unwrap).collect();
     let is_whole = reader.condition().unwrap().is_whole();
     assert_eq!(is_whole, reader.losses().is_empty());
-    Some(Content { messages, tables: reader.tables().clone(), is_whole })
+    Some(Content { messages, tables: reader.tables.clone(), is_whole })
 }
 
 /// Asserts that what is read of a changed log was in the original, and that a missing part is noticed.

@@ -92,12 +92,14 @@ pub struct Reader {
     /// Topic and message type by channel number.
     channels: BTreeMap<u16, (String, String)>,
     schemas: BTreeMap<u16, String>,
-    tables: BTreeMap<String, Table>,
+    /// Every metadata record read so far.
+    pub tables: BTreeMap<String, Table>,
     /// The rest of the current chunk.
     chunk: Chunk,
     /// The first message, if it precedes the identity of the program.
     first: Option<Message>,
-    counts: BTreeMap<String, u64>,
+    /// Number of messages read so far by channel, including channels that are not decoded.
+    pub counts: BTreeMap<String, u64>,
     /// The channels to read; `None` for all.
     only: Option<Vec<&'static str>>,
 }
@@ -175,16 +177,6 @@ impl Reader {
     /// Returns a metadata record, if it has been read so far. The summary is the last record.
     pub fn meta<M: Meta>(&self) -> Option<M> {
         self.tables.get(M::NAME).and_then(table::from_table)
-    }
-
-    /// Returns every metadata record read so far.
-    pub fn tables(&self) -> &BTreeMap<String, Table> {
-        &self.tables
-    }
-
-    /// Returns the number of messages read so far by channel, including channels that are not decoded.
-    pub fn counts(&self) -> &BTreeMap<String, u64> {
-        &self.counts
     }
 
     /// Computes the SHA-256 of the file while reading it.

@@ -78,7 +78,7 @@ fn columns<'py>(
         table.set_item(name, pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>().into_pyarray(py))?;
     }
     for (i, column) in quantities(FLAGELLA).enumerate() {
-        let values = results.iter().map(|result| result.as_ref().map_or(f64::NAN, |steady| steady.values.numbers()[i]));
+        let values = results.iter().map(|result| result.as_ref().map_or(f64::NAN, |steady| steady.values.numbers[i]));
         if column.quantity.shape == Shape::Count {
             table.set_item(column.name, values.map(|count| count as u64).collect::<Vec<_>>().into_pyarray(py))?;
         } else {

@@ -78,7 +78,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
         "summary": data.records.summary,
     });
     dict.set_item("records", json::object(py, &records)?)?;
-    let shapes = data.shapes.all();
+    let shapes = &data.shapes.all;
     if let Some(nodes) = shapes.first().map(|shape| shape.lines[0].len()) {
         let times: Vec<f64> = shapes.iter().map(|shape| shape.time_s - run_s).collect();
         let flat: Vec<f64> = shapes.iter().flat_map(|shape| shape.lines.iter().flatten().flatten().copied()).collect();

@@ -33,7 +33,7 @@ pub fn picture<'py>(
         None => None,
     };
     let picture = Picture::new(robot.params.clone(), width);
-    let [width, height] = picture.size();
+    let [width, height] = picture.size;
     let pixels = py.detach(|| picture.rgb(angles_deg, lines));
     let image = Array3::from_shape_vec((height, width, 3), pixels).map_err(|error| wrong(&error.to_string()))?;
     Ok(image.into_pyarray(py))

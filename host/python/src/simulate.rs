@@ -155,7 +155,7 @@ impl Simulated {
         let angles = quantities(FLAGELLA).filter(|column| column.is_angle());
         angles
             .into_iter()
-            .try_for_each(|angle| steady.set_item(&angle.name, self.steady.values.numbers()[angle.index()]))?;
+            .try_for_each(|angle| steady.set_item(&angle.name, self.steady.values.numbers[angle.index()]))?;
         Ok(steady)
     }
 

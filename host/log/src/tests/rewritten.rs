@@ -115,7 +115,7 @@ fn log_rewritten_by_another_program_is_whole() {
         assert_eq!(messages.collect::<Vec<_>>(), ours, "{how:?}");
         assert_eq!((reader.condition(), reader.losses()), (Some(Condition::Rewritten), &[][..]), "{how:?}");
         assert_eq!(reader.rewritten_by(), Some(LIBRARY));
-        assert_eq!(reader.counts()["/camera"], 1);
+        assert_eq!(reader.counts["/camera"], 1);
         assert_eq!(reader.meta::<TrialMeta>().unwrap(), start().trial);
         assert_eq!(summary(&theirs).unwrap(), Some(summary_of_trial()), "{how:?}");
         assert_eq!(last_meta::<RecoveryMeta>(&theirs).unwrap(), None);

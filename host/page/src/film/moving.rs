@@ -24,7 +24,7 @@ impl Moving {
         let robot = data.robot()?;
         let feet = robot.shaft_feet();
         let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(&robot) }];
-        let shapes = if data.shapes.is_empty() { &rest[..] } else { data.shapes.all() };
+        let shapes = if data.shapes.is_empty() { &rest[..] } else { &data.shapes.all[..] };
         Ok(Self {
             shapes: shapes.iter().map(|shape| (shape.time_s, shape.in_shafts(&feet))).collect(),
             turns: data.turns(),

@@ -36,7 +36,8 @@ pub struct Picture {
     pub(super) robot: Robot,
     head: Head,
     camera: Camera,
-    size: [usize; 2],
+    /// Width and height, pixels.
+    pub size: [usize; 2],
 }
 
 impl Picture {
@@ -48,11 +49,6 @@ impl Picture {
         let target = V3::new(0.0, 0.0, -0.45 * reach);
         let eye = target + V3::new(-0.55, -1.0, 0.38).normalize() * (4.0 * reach);
         Self { camera: Camera::new(eye, target, 1.2 * reach, size), head: head(&robot), robot, size }
-    }
-
-    /// Returns width and height, pixels.
-    pub fn size(&self) -> [usize; 2] {
-        self.size
     }
 
     /// Returns red, green and blue of each pixel, row by row from the upper left. `angles_deg`: yaw, pitch, roll; `lines`: the

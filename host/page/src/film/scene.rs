@@ -20,7 +20,7 @@ pub(super) struct Scene {
 impl Scene {
     pub(super) fn new(data: &Data, zeroed: &Zeroed, shown: Range<f64>, width: u16) -> Result<Self, PageError> {
         let moving = Moving::new(data, zeroed, width)?;
-        let [width, _] = moving.picture.size();
+        let [width, _] = moving.picture.size;
         let chart_height = width / 6;
         let yaw = zeroed.angles_deg.track(0);
         let columns = (0..width).map(|x| shown.start + (shown.end - shown.start) * x as f64 / (width - 1) as f64);
@@ -30,7 +30,7 @@ impl Scene {
 
     /// Returns width and height of the film, pixels.
     pub(super) fn size(&self) -> [u16; 2] {
-        let [width, height] = self.moving.picture.size();
+        let [width, height] = self.moving.picture.size;
         [width as u16, (height + self.chart_height) as u16]
     }
 
@@ -43,7 +43,7 @@ impl Scene {
 
     /// Draws the yaw over the film's time: dark up to now, light after it, and a point at it.
     fn chart(&self, time_s: f64) -> Vec<Rgb> {
-        let [width, _] = self.moving.picture.size();
+        let [width, _] = self.moving.picture.size;
         let now =
             ((time_s - self.shown.start) / (self.shown.end - self.shown.start)).clamp(0.0, 1.0) * (width - 1) as f64;
         let here = self.curve[now as usize];

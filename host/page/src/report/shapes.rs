@@ -20,7 +20,7 @@ pub(super) fn page(shapes: &Shapes, robot: &Robot, text_bytes: usize) -> Value {
     let feet = robot.shaft_feet();
     let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(robot) }];
     let rigid = shapes.is_empty();
-    let frames = if rigid { &rest[..] } else { shapes.all() };
+    let frames = if rigid { &rest[..] } else { &shapes.all[..] };
     let nodes = frames[0].lines[0].len();
     let stride = if text_bytes < TIGHT && !rigid { 2 } else { 1 };
     // The tip is always drawn.

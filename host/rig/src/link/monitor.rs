@@ -28,17 +28,13 @@ pub enum Arrival {
 /// Counts of the link during one trial.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor {
-    stats: LinkStats,
+    /// The counts so far.
+    pub stats: LinkStats,
     last: Option<Count>,
     out_of_step: bool,
 }
 
 impl Monitor {
-    /// Returns the counts so far.
-    pub fn stats(&self) -> LinkStats {
-        self.stats
-    }
-
     /// Counts a frame of the stream.
     pub fn frame(&mut self, telemetry: &Telemetry) -> Arrival {
         self.out_of_step = false;
@@ -98,7 +94,7 @@ mod tests {
         assert_eq!(monitor.frame(&telemetry(65535)), Arrival::Next);
         assert!(monitor.is_next(&telemetry(0)) && !monitor.is_next(&telemetry(3)));
         assert_eq!(monitor.frame(&telemetry(3)), Arrival::After(Gap { first: Count(0), count: 3 }));
-        assert_eq!((monitor.stats().samples, monitor.stats().lost), (3, 3));
+        assert_eq!((monitor.stats.samples, monitor.stats.lost), (3, 3));
     }
 
     #[test]
@@ -106,7 +102,7 @@ mod tests {
         let mut monitor = Monitor::default();
         let arrivals = [65534, 65535, 65534, 65535, 0, 0, 2, 1].map(|seq| monitor.frame(&telemetry(seq)));
         assert_eq!(arrivals.iter().filter(|arrival| **arrival == Arrival::Repeated).count(), 4, "{arrivals:?}");
-        let stats = monitor.stats();
+        let stats = monitor.stats;
         assert_eq!((stats.samples, stats.lost, stats.repeated), (4, 1, 4));
     }
 
@@ -118,7 +114,7 @@ mod tests {
         monitor.damaged(FrameError::Cobs);
         monitor.frame(&telemetry(3));
         monitor.damaged(FrameError::Crc);
-        let stats = monitor.stats();
+        let stats = monitor.stats;
         assert_eq!((stats.crc_errors, stats.resyncs, stats.lost), (2, 2, 2));
     }
 
@@ -136,7 +132,7 @@ mod tests {
                 monitor.frame(&telemetry(i as u16));
             }
         }
-        assert_eq!((monitor.stats().lost, monitor.stats().samples), (dropped, 1_000_000 - dropped));
+        assert_eq!((monitor.stats.lost, monitor.stats.samples), (dropped, 1_000_000 - dropped));
         assert!(dropped > 50_000);
     }
 }

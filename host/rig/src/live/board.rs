@@ -43,7 +43,7 @@ pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicB
         }
     }
     link.command(Command::Stream { rate_hz: 0 })?;
-    Ok(stream.monitor.stats())
+    Ok(stream.monitor.stats)
 }
 
 /// Converts frames to messages for viewers.

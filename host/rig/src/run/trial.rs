@@ -130,7 +130,7 @@ pub(super) fn record(
             Some(_) => End::Failed,
         },
         reason: error.as_ref().map(ToString::to_string).unwrap_or_default(),
-        link: recorder.monitor.stats(),
+        link: recorder.monitor.stats,
         ..Summary::default()
     };
     let Measured { angles, run_s, findings } =

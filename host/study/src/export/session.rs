@@ -109,7 +109,7 @@ pub fn table(name: &str, trials: &[Summary]) -> Table {
         }),
     ];
     for column in quantities(FLAGELLA).filter(|column| column.is_in(Place::Trials)) {
-        let of = |trial: &Summary| trial.steady.as_ref().map(|steady| steady.numbers()[column.index()]);
+        let of = |trial: &Summary| trial.steady.as_ref().map(|steady| steady.numbers[column.index()]);
         columns.push(rows.real(column.name.clone(), format!("{}; of a model", column.about()), of));
     }
     Table { header: header(name), columns }

@@ -108,9 +108,9 @@ impl Steady {
         Self {
             kind: phases.kind(),
             phases: phases.count() as u32,
-            values: values.numbers().iter().map(of).collect(),
+            values: values.numbers.iter().map(of).collect(),
             spreads: Values::spreads(&all),
-            standard_errors: values.errors().to_vec(),
+            standard_errors: values.errors.to_vec(),
         }
     }
 

@@ -43,7 +43,7 @@ impl Data {
             take(&mut collector, &message, clock.time_s(&message));
         }
         let mut data = collector.finish(path, Records::of(&reader));
-        data.channels = reader.counts().clone();
+        data.channels = reader.counts.clone();
         data.condition = reader.condition().unwrap_or(Condition::Damaged);
         data.rewritten_by = reader.rewritten_by().map(str::to_owned);
         data.losses = reader.losses().to_vec();

@@ -34,48 +34,44 @@ impl Shape {
 pub struct Shapes {
     most: usize,
     least_s: f64,
-    shapes: Vec<Shape>,
+    /// The shapes in order of time.
+    pub all: Vec<Shape>,
 }
 
 impl Shapes {
     /// Creates an empty series.
     pub fn new(most: usize) -> Self {
-        Self { most, least_s: 1.0 / PER_S, shapes: Vec::new() }
-    }
-
-    /// Returns the shapes in order of time.
-    pub fn all(&self) -> &[Shape] {
-        &self.shapes
+        Self { most, least_s: 1.0 / PER_S, all: Vec::new() }
     }
 
     /// Returns whether the series is empty.
     pub fn is_empty(&self) -> bool {
-        self.shapes.is_empty()
+        self.all.is_empty()
     }
 
     /// Multiplies all times by a factor.
     pub(super) fn scale_times(&mut self, factor: f64) {
-        self.shapes.iter_mut().for_each(|shape| shape.time_s *= factor);
+        self.all.iter_mut().for_each(|shape| shape.time_s *= factor);
     }
 
     /// Adds the centre lines at one time, and the angles of both shafts. Invalid or unequal lines are ignored.
     pub fn push(&mut self, time_s: f64, turns: [f64; 2], lines: [Vec<[f64; 3]>; 2]) {
-        if self.most == 0 || self.shapes.last().is_some_and(|last| time_s < last.time_s + self.least_s - 1e-6) {
+        if self.most == 0 || self.all.last().is_some_and(|last| time_s < last.time_s + self.least_s - 1e-6) {
             return;
         }
         let nodes = lines[0].len();
         let fits = nodes >= 2
             && lines[1].len() == nodes
-            && self.shapes.first().is_none_or(|first| first.lines[0].len() == nodes)
+            && self.all.first().is_none_or(|first| first.lines[0].len() == nodes)
             && lines.iter().flatten().flatten().all(|part| part.is_finite());
         if !fits {
             return;
         }
-        self.shapes.push(Shape { time_s, turns, lines });
-        if self.shapes.len() > self.most.max(2) {
+        self.all.push(Shape { time_s, turns, lines });
+        if self.all.len() > self.most.max(2) {
             let mut keep = std::iter::repeat([true, false]).flatten();
-            self.shapes.retain(|_| keep.next() == Some(true));
-            if let [.., before, last] = self.shapes.as_slice() {
+            self.all.retain(|_| keep.next() == Some(true));
+            if let [.., before, last] = self.all.as_slice() {
                 self.least_s = last.time_s - before.time_s;
             }
         }
@@ -96,7 +92,7 @@ mod tests {
         for i in 0..2000 {
             shapes.push(f64::from(i) * 0.05, [0.0; 2], [line(50), line(50)]);
         }
-        let times: Vec<_> = shapes.all().iter().map(|shape| shape.time_s).collect();
+        let times: Vec<_> = shapes.all.iter().map(|shape| shape.time_s).collect();
         assert!((50..=100).contains(&times.len()), "{}", times.len());
         assert!(times.windows(3).all(|t| (t[2] - 2.0 * t[1] + t[0]).abs() < 1e-6), "{times:?}");
     }
@@ -110,7 +106,7 @@ mod tests {
         assert!(shapes.is_empty());
         shapes.push(0.3, [0.0; 2], [line(3), line(3)]);
         shapes.push(0.4, [0.0; 2], [line(4), line(4)]);
-        assert_eq!(shapes.all().len(), 1);
+        assert_eq!(shapes.all.len(), 1);
         let mut unwanted = Shapes::new(0);
         unwanted.push(0.0, [0.0; 2], [line(3), line(3)]);
         assert!(unwanted.is_empty());

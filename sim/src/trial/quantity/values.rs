@@ -12,8 +12,10 @@ use std::fmt;
 /// The quantities of a steady state, just computed or from a log.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Values {
-    numbers: Vec<f64>,
-    errors: Vec<Option<f64>>,
+    /// The numbers, in the order of [`columns`].
+    pub numbers: Vec<f64>,
+    /// The standard errors, in the order of [`columns`]; `None` where one is unknown.
+    pub errors: Vec<Option<f64>>,
 }
 
 impl Default for Values {
@@ -54,16 +56,6 @@ impl Values {
             if of().any(f64::is_nan) { f64::NAN } else { spread }
         };
         (0..columns(FLAGELLA).count()).map(spread).collect()
-    }
-
-    /// Returns the numbers, in the order of [`columns`].
-    pub fn numbers(&self) -> &[f64] {
-        &self.numbers
-    }
-
-    /// Returns the standard errors, in the order of [`columns`]; `None` where one is unknown.
-    pub fn errors(&self) -> &[Option<f64>] {
-        &self.errors
     }
 
     /// Returns a quantity: that of the first flagellum, along x, if it has several parts. NaN if it is unknown.

@@ -350,7 +350,7 @@ impl<'a> Recorder<'a> {
         }
         self.health.frame(&frame.telemetry);
         let attitude = self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
-        self.readout.frame(&attitude, &frame.telemetry, self.monitor.stats().lost);
+        self.readout.frame(&attitude, &frame.telemetry, self.monitor.stats.lost);
         self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
             self.speeds.pop_front();
