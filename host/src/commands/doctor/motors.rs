@@ -38,13 +38,8 @@ pub(super) fn run(args: &Args) -> miette::Result<Answer> {
         return answer;
     }
     let interrupted = interruption()?;
-    let nano = match args.r#virtual {
-        true => {
-            let arguments = ["--speed", "max", "--robot", PUBLISHED, "--rig", &args.rig].map(Into::into).into();
-            Some(virtual_board::start(arguments, &args.faults)?)
-        }
-        false => None,
-    };
+    let arguments = ["--speed", "max", "--robot", PUBLISHED, "--rig", &args.rig].map(Into::into).into();
+    let nano = args.r#virtual.then(|| virtual_board::start(arguments, &args.faults)).transpose()?;
     let port = virtual_board::port(nano.as_ref(), args.port.as_deref())?;
     // The EEPROM of the emulated board is blank at each start, so there is nothing to keep of it.
     let copies = if nano.is_some() { None } else { BoardCopies::of_user() };
@@ -191,17 +186,10 @@ fn judgements(tests: &[MotorTest; 2]) -> Vec<Check> {
         .enumerate()
         .map(|(motor, test)| check(format!("motor {}", motor + 1), judge(motor, test)))
         .collect();
-    checks.push(check(
-        "encoder noise".into(),
-        match glitches {
-            0..=GLITCHES_ALLOWED => Ok(format!("{glitches} edges that are not motion")),
-            _ => Err((
-                format!("{glitches} edges that are not motion"),
-                "keep the encoders' leads away from the motors' leads, and check the encoders' ground and supply"
-                    .into(),
-            )),
-        },
-    ));
+    let detail = format!("{glitches} edges that are not motion");
+    let cure = "keep the encoders' leads away from the motors' leads, and check the encoders' ground and supply";
+    let noise = if glitches <= GLITCHES_ALLOWED { Ok(detail) } else { Err((detail, cure.into())) };
+    checks.push(check("encoder noise".into(), noise));
     checks
 }
 
