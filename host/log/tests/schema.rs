@@ -77,18 +77,16 @@ mod generator {
         fs::write(folder.join(SOURCES), sources()).unwrap();
     }
 
-    /// Leaves out the functions that give the name of a value, or find it by its name: logs have numbers. Only the names of
-    /// faults are shown.
+    /// Leaves out the functions that give the name of a value, or find it by its name: logs have numbers.
     fn without_names(code: &str) -> String {
-        let mut end_of_function = None;
+        let mut end_of_functions = None;
         let is_kept = |line: &&str| {
             let indent = &line[..line.len() - line.trim_start().len()];
-            let of_names = line.trim_start().starts_with("impl ") && !line.contains("impl Fault ");
-            if of_names || line.trim_start().starts_with("/// Creates an enum from field names") {
-                end_of_function = Some(format!("{indent}}}\n"));
+            if line.trim_start().starts_with("impl ") {
+                end_of_functions = Some(format!("{indent}}}\n"));
             }
-            let is_kept = end_of_function.is_none();
-            end_of_function.take_if(|end| end == *line);
+            let is_kept = end_of_functions.is_none();
+            end_of_functions.take_if(|end| end == *line);
             is_kept
         };
         code.split_inclusive('\n').filter(is_kept).collect()

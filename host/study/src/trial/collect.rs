@@ -71,8 +71,10 @@ impl Collector {
             }
         }
         if self.fault.is_none() && frame.fault() != biflag::Fault::None {
-            let name = frame.fault().as_str_name().trim_start_matches("FAULT_").to_lowercase().replace('_', " ");
-            self.fault = Some((time_s, name));
+            // `ImuBusStuck` is `imu bus stuck`.
+            let spaced = |c: char| if c.is_uppercase() { format!(" {}", c.to_lowercase()) } else { c.to_string() };
+            let name: String = format!("{:?}", frame.fault()).chars().map(spaced).collect();
+            self.fault = Some((time_s, name.trim_start().to_owned()));
         }
         let now = [frame.unsent, frame.imu_errors, frame.bad_frames, frame.missed_ticks];
         let grown = |(now, then): (u32, u32)| now.wrapping_sub(then) & 0xFFFF;

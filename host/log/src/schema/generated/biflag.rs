@@ -362,32 +362,3 @@ pub enum Fault {
     Encoder1Noisy = 17,
     Encoder2Noisy = 18,
 }
-impl Fault {
-    /// String value of the enum field names used in the ProtoBuf definition.
-    ///
-    /// The values are not transformed in any way and thus are considered stable
-    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
-    pub fn as_str_name(&self) -> &'static str {
-        match self {
-            Self::None => "FAULT_NONE",
-            Self::LinkLost => "FAULT_LINK_LOST",
-            Self::Hang => "FAULT_HANG",
-            Self::Panic => "FAULT_PANIC",
-            Self::ImuSilent => "FAULT_IMU_SILENT",
-            Self::ImuBusStuck => "FAULT_IMU_BUS_STUCK",
-            Self::ImuFrozen => "FAULT_IMU_FROZEN",
-            Self::Motor1Stalled => "FAULT_MOTOR1_STALLED",
-            Self::Motor2Stalled => "FAULT_MOTOR2_STALLED",
-            Self::ImuLostConfig => "FAULT_IMU_LOST_CONFIG",
-            Self::SupplyLow => "FAULT_SUPPLY_LOW",
-            Self::Motor1Runaway => "FAULT_MOTOR1_RUNAWAY",
-            Self::Motor2Runaway => "FAULT_MOTOR2_RUNAWAY",
-            Self::Motor1Overloaded => "FAULT_MOTOR1_OVERLOADED",
-            Self::Motor2Overloaded => "FAULT_MOTOR2_OVERLOADED",
-            Self::Encoder1Failed => "FAULT_ENCODER1_FAILED",
-            Self::Encoder2Failed => "FAULT_ENCODER2_FAILED",
-            Self::Encoder1Noisy => "FAULT_ENCODER1_NOISY",
-            Self::Encoder2Noisy => "FAULT_ENCODER2_NOISY",
-        }
-    }
-}
