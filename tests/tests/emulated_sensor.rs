@@ -11,7 +11,7 @@ fn turn_by_hand_is_logged_with_the_errors_of_scale_and_clock() {
     let sensor = bench.file("sensor.toml", "gyro_scale = [0.02, -0.01, -0.0165]\nboard_clock_error = 0.0035\n");
     let plan = bench.short_plan(30.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "4", "--sensor", sensor.to_str().unwrap()]);
-    assert_eq!(nano.sensor().gyro_scale, [0.02, -0.01, -0.0165]);
+    assert_eq!(nano.sensor.gyro_scale, [0.02, -0.01, -0.0165]);
     // A hand that sways cones, and the rate about z is then not the whole turn.
     nano.control("hand 0 0").unwrap();
     let port = nano.port().to_owned();
@@ -53,7 +53,7 @@ fn log_has_the_errors_that_the_seed_draws() {
         reader.by_ref().for_each(|message| drop(message.unwrap()));
         reader.meta::<SensorMeta>().unwrap()
     };
-    let drawn = |sensor: &str, seed: &str| bare_nano(["--sensor", sensor, "--seed", seed]).sensor().clone();
+    let drawn = |sensor: &str, seed: &str| bare_nano(["--sensor", sensor, "--seed", seed]).sensor.clone();
     let typical = log("typical", "12");
     assert_eq!(typical, SensorMeta { seed: 12, ..drawn("typical", "12") });
     assert!(typical.kind == "typical" && typical.gyro_cross[0][1] != 0.0 && typical.board_clock_error != 0.0);

@@ -79,7 +79,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
             "instrument": { "@id": "#biflag" },
             "object": [{ "@id": "plan.toml" }, { "@id": "robot.toml" }],
             "result": logs,
-            "startTime": session.created(),
+            "startTime": session.created,
         }),
     ];
     if author.is_some() {

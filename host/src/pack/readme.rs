@@ -30,7 +30,7 @@ pub(super) fn text(session: &Session, states: &[TrialState], about: &About, note
             line(&format!("- {name}: {}", text::line(value.trim())));
         }
     }
-    line(&format!("- Session started: {}", session.created()));
+    line(&format!("- Session started: {}", session.created));
     line(&format!("- Packed by biflag {FULL_VERSION}"));
     line("\n## Results\n");
     line("| trial | yaw, deg | pitch, deg | roll, deg | |\n| --- | --- | --- | --- | --- |");

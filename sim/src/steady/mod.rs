@@ -293,7 +293,7 @@ fn run(
     mut samples: Option<&mut Vec<Sample>>,
     watch: Watch,
 ) -> Result<Result<(), StepError>, SolveError> {
-    let until = until.min(trial.profile().end());
+    let until = until.min(trial.profile.end());
     loop {
         if let Some(samples) = &mut samples {
             samples.extend(std::iter::from_fn(|| trial.passed()));

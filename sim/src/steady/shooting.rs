@@ -228,13 +228,13 @@ fn moved(trial: &mut Trial, change: &Slow) -> State {
     let touching = 2.0 * trial.solver().model().robot.flagellum.rod_radius_m;
     let state = trial.state().clone();
     let least = trial.least_distance(&state).min(touching);
-    let moved = slow::moved(&state, change, trial.profile());
+    let moved = slow::moved(&state, change, &trial.profile);
     if trial.least_distance(&moved) >= least {
         return moved;
     }
     let mut turn = Slow::zeros();
     turn.fixed_rows_mut::<ANGLES>(0).copy_from(&change.fixed_rows::<ANGLES>(0));
-    slow::moved(&state, &turn, trial.profile())
+    slow::moved(&state, &turn, &trial.profile)
 }
 
 /// Returns settings with steps of which a whole number makes this time (s): they need no step of another length at its end.

@@ -34,7 +34,7 @@ pub fn agrees(
     start_rad: [f64; 2],
     watch: Watch,
 ) -> Result<(Trial, bool), SolveError> {
-    let (period, from) = (trial.profile().end() - trial.profile().start(), state.time);
+    let (period, from) = (trial.profile.end() - trial.profile.start(), state.time);
     let whole = SpeedProfile::constant(rpm, from + LONGEST_S + period)?.from_angles(start_rad);
     let mut witness = trial.clone();
     let mut path: Vec<V3> = Vec::new();

@@ -56,7 +56,7 @@ pub fn finish(
     let fluid = [0, 1].map(|k| flagella[k].fluid_load(&model.rods[k], &shafts[k], &motion[k]));
     let contact = contacts.loads(&model.feet);
     let (next, moment_error) = match model.closure {
-        Closure::Full => (body.finish(), body.error()),
+        Closure::Full => (body.finish(), body.error),
         Closure::Held => (problem.state.body, 0.0),
         Closure::Lumped | Closure::Paper => {
             let loads = [0, 1].map(|k| Load {
@@ -72,7 +72,7 @@ pub fn finish(
             if !alone.solve(&model.base, moment) {
                 return Err(StepFailure::Diverged);
             }
-            (alone.finish(), alone.error())
+            (alone.finish(), alone.error)
         }
     };
     // The weight acts at the base's own attitude, also if the flagella are computed on a base held still.

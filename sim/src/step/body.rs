@@ -36,7 +36,8 @@ pub struct BodySolve {
     past_rate: V3,
     /// Change of the rods' moment within the step for a unit rate, N m s.
     response: Matrix3<f64>,
-    error: f64,
+    /// The imbalance of moments before the last correction, N m.
+    pub error: f64,
 }
 
 impl BodySolve {
@@ -119,11 +120,6 @@ impl BodySolve {
         }
         // Smoothed Coulomb friction may alternate in its last digits.
         self.error.is_finite()
-    }
-
-    /// Returns the imbalance of moments before the last correction, N m.
-    pub fn error(&self) -> f64 {
-        self.error
     }
 
     /// Returns whether every number is finite.

@@ -129,7 +129,8 @@ pub(crate) struct Totals {
 #[derive(Clone, Debug)]
 pub struct Trial {
     solver: Solver,
-    profile: SpeedProfile,
+    /// The profile, with the angles of the helices.
+    pub(crate) profile: SpeedProfile,
     options: Options,
     /// Time of the first sample, s.
     start: f64,
@@ -354,11 +355,6 @@ impl Trial {
     /// Sets the lengths and the tolerance of the steps to come.
     pub(crate) fn set_accuracy(&mut self, settings: &SolverSettings) {
         self.solver.set_accuracy(settings);
-    }
-
-    /// Returns the profile, with the angles of the helices.
-    pub(crate) fn profile(&self) -> &SpeedProfile {
-        &self.profile
     }
 
     /// Returns the least distance of the centre lines in a state, m.

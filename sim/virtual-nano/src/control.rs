@@ -59,7 +59,7 @@ pub fn follow(line: &str, board: &mut Board, port: &PortCount) -> Result<Value, 
         }
         ["hand", stop, sway] => {
             let [stop_deg, sway_deg] = [within("STOP", stop, 0.0, 20.0)?, within("SWAY", sway, 0.0, 20.0)?];
-            with_hand(board, |hand, _| hand.set_grip(Grip { stop_deg, sway_deg }))?;
+            with_hand(board, |hand, _| hand.grip = Grip { stop_deg, sway_deg })?;
         }
         ["exchange", time_us] => return exchange(board, time_us, ""),
         ["exchange", time_us, hex] => return exchange(board, time_us, hex),

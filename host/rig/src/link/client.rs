@@ -20,7 +20,8 @@ use system::claim::Claim;
 /// An open link to a board that speaks this protocol. Closing it stops the motors.
 pub struct Link {
     path: String,
-    opened: SystemTime,
+    /// When the link was opened, on the host's wall clock.
+    pub opened: SystemTime,
     info: Info,
     requests: Sender<PendingRequest>,
     events: Receiver<Received>,
@@ -115,11 +116,6 @@ impl Link {
     /// Returns the port.
     pub fn path(&self) -> &str {
         &self.path
-    }
-
-    /// Returns when the link was opened, on the host's wall clock.
-    pub fn opened(&self) -> SystemTime {
-        self.opened
     }
 
     /// Returns the board's answer to the handshake.

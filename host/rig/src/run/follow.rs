@@ -53,7 +53,7 @@ pub fn follow<E: From<RecordError>>(
     outcome?;
     ended.map_err(RecordError::from)?;
     let is_emulated = system::port::is_emulated(link.path());
-    let clock = stream.pings.fit(link.opened()).filter(|_| !is_emulated);
+    let clock = stream.pings.fit(link.opened).filter(|_| !is_emulated);
     Ok(Followed { link: stream.monitor.stats, clock_error: clock.map(|clock| clock.drift_ppm * 1e-6) })
 }
 

@@ -40,7 +40,7 @@ impl SimulatedRobot {
     pub fn new(nano: VirtualNano, plan: &Plan, seed: u64) -> miette::Result<Self> {
         let robot = plan.robot.parse()?;
         let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
-        let sensor = SensorMeta { seed, ..nano.sensor().clone() };
+        let sensor = SensorMeta { seed, ..nano.sensor.clone() };
         let model =
             ModelMeta { closure: Closure::Full, method: Method::Trial, rate_hz: RATE_HZ, shapes: true, parameters };
         Ok(Self { nano: Rc::new(RefCell::new(nano)), model, sensor })

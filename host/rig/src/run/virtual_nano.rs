@@ -84,7 +84,8 @@ pub struct VirtualNano {
     /// The lines that the program prints, read by a separate thread: a stopped program must not block this one.
     answers: Receiver<String>,
     port: String,
-    sensor: SensorMeta,
+    /// The errors of its sensor.
+    pub sensor: SensorMeta,
 }
 
 impl VirtualNano {
@@ -125,11 +126,6 @@ impl VirtualNano {
     /// Returns the pseudo-terminal that serves as the board's serial port.
     pub fn port(&self) -> &str {
         &self.port
-    }
-
-    /// Returns the errors of its sensor.
-    pub fn sensor(&self) -> &SensorMeta {
-        &self.sensor
     }
 
     /// Turns the sensor, as if by hand, about its body axis `x`, `y` or `z`, within `length_s` of the board's time.

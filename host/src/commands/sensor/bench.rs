@@ -122,7 +122,7 @@ impl Bench {
         };
         let mut log = Writer::create(&self.log_path, &start, SystemTime::now())?;
         if let Some(nano) = &self.nano {
-            log.meta(nano.sensor())?;
+            log.meta(&nano.sensor)?;
         }
         let (nano, what) = (&mut self.nano, self.name.trim_start_matches("sensor "));
         let followed = follow(&self.link, &self.settings, &mut log, &self.interrupted, |reading, _| {
@@ -150,7 +150,7 @@ impl Bench {
     /// Returns the rate error of the clock of the emulated board. It has a speed of its own, and none to be compared with; it
     /// would otherwise be part of the sensor's scale, and a trial in real time would correct it a second time.
     pub fn emulated_clock_error(&self) -> f64 {
-        self.nano.as_ref().map_or(0.0, |nano| nano.sensor().board_clock_error)
+        self.nano.as_ref().map_or(0.0, |nano| nano.sensor.board_clock_error)
     }
 
     /// Writes the file of the sensor, and the scales of the gyroscope to the board.

@@ -45,7 +45,7 @@ pub struct Session {
     folder: PathBuf,
     plan: Plan,
     /// Start time of the session; empty if the manifest does not state it.
-    created: String,
+    pub created: String,
 }
 
 /// The state of a trial.
@@ -199,11 +199,6 @@ impl Session {
     /// Returns the folder.
     pub fn folder(&self) -> &Path {
         &self.folder
-    }
-
-    /// Returns the start time of the session; empty if the manifest does not state it.
-    pub fn created(&self) -> &str {
-        &self.created
     }
 
     /// Returns the plan.

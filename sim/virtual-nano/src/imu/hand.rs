@@ -125,7 +125,8 @@ pub struct Span {
 /// The hand.
 #[derive(Clone, Debug)]
 pub struct Hand {
-    grip: Grip,
+    /// The errors of later movements.
+    pub grip: Grip,
     /// The hand's own, so that a movement does not change the sensor's noise.
     noise: Noise,
     /// The nominal attitude after the last movement.
@@ -141,11 +142,6 @@ impl Hand {
     pub fn new(grip: Grip, seed: u64) -> Self {
         let (nominal, off) = (UnitQuaternion::identity(), Vector3::zeros());
         Self { grip, noise: Noise::new(seed ^ 0x4841_4E44), nominal, off, steps: VecDeque::new() }
-    }
-
-    /// Sets the errors of later movements.
-    pub fn set_grip(&mut self, grip: Grip) {
-        self.grip = grip;
     }
 
     /// Turns the sensor about one of its body axes by an angle within a time, at the board's time `now_s` or after

@@ -410,6 +410,6 @@ impl<'a> Recorder<'a> {
 
     /// Returns the board's clock relative to the host's, if there were enough pings.
     pub(super) fn clock(&self) -> Option<ClockMeta> {
-        self.pings.fit(self.link.opened())
+        self.pings.fit(self.link.opened)
     }
 }
