@@ -168,8 +168,12 @@ fn frozen_data_stop_the_motors() {
 
 #[test]
 fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
+    const WHO_AM_I: u8 = 0x75;
     let mut host = Host::ready(BoardOptions::default());
-    host.board.change_imu(|imu| imu.set_id(0x70));
+    host.board.change_imu(|imu| {
+        imu.id = 0x70;
+        imu.set_register_behind(WHO_AM_I, 0x70);
+    });
     host.run_linked_ms(200);
     assert_eq!(host.fault(), Fault::None);
     host.reset();

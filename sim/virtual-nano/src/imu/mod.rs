@@ -76,7 +76,8 @@ pub struct BusCount {
 /// The part.
 pub struct Mpu6050 {
     registers: [u8; 128],
-    id: u8,
+    /// Its WHO_AM_I after a reset.
+    pub id: u8,
     /// The sensor's input.
     pub source: Source,
     faults: Faults,
@@ -120,12 +121,6 @@ impl Mpu6050 {
         };
         part.power_up();
         part
-    }
-
-    /// Sets the value of WHO_AM_I.
-    pub fn set_id(&mut self, id: u8) {
-        self.id = id;
-        self.registers[usize::from(register::WHO_AM_I)] = id;
     }
 
     /// Changes a register behind the program's back.
