@@ -217,10 +217,7 @@ impl Write for Disk {
 /// The MCAP writer asks for its position, but never moves.
 impl Seek for Disk {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        match to {
-            SeekFrom::Current(0) => Ok(self.length),
-            _ => Err(io::ErrorKind::Unsupported.into()),
-        }
+        if let SeekFrom::Current(0) = to { Ok(self.length) } else { Err(io::ErrorKind::Unsupported.into()) }
     }
 }
 

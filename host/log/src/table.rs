@@ -64,10 +64,7 @@ pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
 }
 
 fn fields<M: Meta>(meta: &M) -> serde_json::Map<String, Value> {
-    match serde_json::to_value(meta) {
-        Ok(Value::Object(object)) => object,
-        _ => serde_json::Map::new(),
-    }
+    if let Ok(Value::Object(object)) = serde_json::to_value(meta) { object } else { serde_json::Map::new() }
 }
 
 fn crc(name: &str, table: &Table) -> String {

@@ -213,10 +213,7 @@ fn commonest(values: impl Iterator<Item = f64>) -> (f64, usize) {
 fn states(table: &Table) -> Vec<i64> {
     let kinds = table.columns.iter().find(|column| column.name == "kind").map(|column| &column.values);
     let index = |kind: &String| MOTIONS.iter().position(|motion| motion.name() == kind).map_or(-1, |i| i as i64);
-    match kinds {
-        Some(Values::Text(kinds)) => kinds.iter().map(index).collect(),
-        _ => vec![-1; table.rows()],
-    }
+    if let Some(Values::Text(kinds)) = kinds { kinds.iter().map(index).collect() } else { vec![-1; table.rows()] }
 }
 
 /// Returns the inputs, in the order of the columns. Where each point of a design has a value of its own, a single column

@@ -41,10 +41,7 @@ pub(super) enum RowState {
 
 impl Row {
     pub fn view(&self) -> Option<&View> {
-        match &self.state {
-            RowState::Shown(view) => Some(view),
-            _ => None,
-        }
+        if let RowState::Shown(view) = &self.state { Some(view) } else { None }
     }
 }
 

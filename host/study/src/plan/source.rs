@@ -278,10 +278,7 @@ fn span_of<'k>(table: &DeTable, path: impl IntoIterator<Item = &'k str>) -> Opti
     let mut path = path.into_iter();
     let name = path.next()?;
     let (_, value) = table.iter().find(|(key, _)| key.get_ref() == name)?;
-    match value.get_ref() {
-        DeValue::Table(inner) => span_of(inner, path),
-        _ => Some(value.span()),
-    }
+    if let DeValue::Table(inner) = value.get_ref() { span_of(inner, path) } else { Some(value.span()) }
 }
 
 /// Returns the number in `60 s`.

@@ -94,10 +94,7 @@ impl Key {
 
     /// Returns the group, if the key is one.
     pub fn group(&self) -> Option<Group> {
-        match self {
-            Self::Group(group) => Some(*group),
-            _ => None,
-        }
+        if let Self::Group(group) = self { Some(*group) } else { None }
     }
 
     /// Returns the name in a plan.

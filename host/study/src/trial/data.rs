@@ -264,10 +264,7 @@ impl Data {
 
     /// Returns the noun and the verb for the missing content of a gap: a camera has no telemetry.
     pub(super) fn lacking(&self) -> [&'static str; 2] {
-        match self.origin() {
-            Origin::Imported => ["rows of the table", "are"],
-            _ => ["telemetry", "is"],
-        }
+        if self.origin() == Origin::Imported { ["rows of the table", "are"] } else { ["telemetry", "is"] }
     }
 
     /// Returns whether the trial measured a real robot: no model computed it, and none was behind its board.

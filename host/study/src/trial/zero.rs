@@ -257,10 +257,7 @@ impl Zeroed {
 
     /// Returns the drift of the yaw; `None` without a still phase, or for a model.
     pub fn drift(&self) -> Option<&Drift> {
-        match &self.known {
-            Known::Sensor(errors) => errors.drift.as_ref(),
-            _ => None,
-        }
+        if let Known::Sensor(errors) = &self.known { errors.drift.as_ref() } else { None }
     }
 }
 

@@ -74,10 +74,7 @@ impl<'a> Pair<'a> {
 
     /// Returns whether both were measured with one sensor.
     pub fn is_of_one_sensor(&self) -> bool {
-        match self.sensors() {
-            [Some(one), Some(other)] => one.is_certainly(&other),
-            _ => false,
-        }
+        if let [Some(one), Some(other)] = self.sensors() { one.is_certainly(&other) } else { false }
     }
 
     /// Returns whether the model is a replay of the measurement.
