@@ -2,17 +2,23 @@
 # Works with biflag.exe under Wine, and compares what it computes with this computer's biflag. After host/dist/windows.sh.
 set -eu
 cd "$(dirname "$0")/../.."
+root=$PWD
 target=x86_64-pc-windows-gnu
 built=$PWD/target/$target/release
 biflag=$PWD/target/release/biflag
 export WINEPREFIX="$PWD/target/wine" WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=" XDG_CONFIG_HOME="$PWD/target/wine/config"
 begun=$(date +%s)
 
-# A port of Wine, and the file that is a link to the port of the board.
-port=$WINEPREFIX/board
-wine reg add 'HKLM\Software\Wine\Ports' /v COM5 /d "$port" /f > "$PWD/target/wine.log" 2>&1
-# Ports are read when Wine starts.
+# The pseudo-terminal /dev/pts/N is COM(N + 10), and numbers have a decimal comma.
+mkdir -p "$WINEPREFIX"
+{
+    printf 'REGEDIT4\n\n[HKEY_CURRENT_USER\\Control Panel\\International]\n"sDecimal"=","\n[HKEY_LOCAL_MACHINE\\Software\\Wine\\Ports]\n'
+    for number in $(seq 0 240); do printf '"COM%d"="/dev/pts/%d"\n' $((number + 10)) "$number"; done
+} > "$WINEPREFIX/test.reg"
+wine regedit /S "$WINEPREFIX/test.reg" > "$PWD/target/wine.log" 2>&1
+# Ports are read when Wine starts. It goes on until the end of this.
 /usr/lib/wine/wineserver -w
+/usr/lib/wine/wineserver -p 2>> "$PWD/target/wine.log"
 
 stub=$WINEPREFIX/bcryptprimitives.dll
 x86_64-w64-mingw32-gcc -shared -o "$stub" host/dist/bcryptprimitives.c -ladvapi32
@@ -24,7 +30,7 @@ sh host/dist/windows-cargo.sh test -p sim --lib same_bits
 
 # As a user has it: in a folder with spaces and letters beyond ASCII.
 scratch=$(mktemp -d)
-trap 'rm -r "$scratch"' EXIT
+trap '/usr/lib/wine/wineserver -k; rm -r "$scratch"' EXIT
 unzip -q target/dist/biflag-*-windows-x86_64.zip -d "$scratch"
 exe=$(echo "$scratch"/biflag-*/biflag.exe)
 cp "$stub" "${exe%/*}"
@@ -106,56 +112,5 @@ head -c 60000 wine/001_w1+50_w2+10.mcap > cut.mcap
 expect 3 recover cut.mcap
 expect 3 info cut.recovered.mcap
 
-# A recording, on a COM port.
-cat > plan.toml <<END
-[session]
-name = "short"
-[trial]
-rest_at_most = 0
-calibrate = 1
-preroll = 2
-run = 6
-decay = 2
-[speeds]
-pairs = [[50, 10], [0, 45], [-50, 10]]
-END
-mkfifo control
-"$built/../../release/vnano" --firmware "$built/../../firmware.elf" --robot physical < control > board &
-exec 3> control
-until grep -q '"event":"ready"' board; do sleep 0.1; done
-ln -sfn "$(sed -n 's/.*"port":"\([^"]*\)".*/\1/p' board)" "$port"
-expect 0 settings --new --port COM5
-recording() {
-    wine "$exe" record plan.toml --port COM5 --out rec "$@" > recorded 2>&1 &
-    recorder=$!
-}
-until_it_says() {
-    until grep -q "$1" recorded; do
-        sleep 0.1
-        kill -0 $recorder 2> /dev/null || { cat recorded; exit 1; }
-    done
-}
-recording
-until_it_says '001.*: run$'
-expect 3 info rec
-says "being recorded"
-expect 1 record plan.toml --port COM5 --out rec --resume
-says "busy"
-until_it_says '002.*: run$'
-kill -INT $recorder
-code=0
-wait $recorder || code=$?
-[ $code = 130 ]
-grep -q "interrupted, the motors are stopped" recorded
-echo "ok (130): Ctrl-C"
-recording --resume
-until_it_says '002.*: run$'
-kill -KILL $recorder
-wait $recorder || true
-echo "ok: killed"
-expect 3 record plan.toml --port COM5 --out rec --resume
-expect 3 info rec
-says "3 of 3 trials complete"
-says " 0 lost, 0 CRC errors"
-exec 3>&-
+. "$root/host/dist/windows-bench.sh"
 echo "All of this works under Wine, in $(($(date +%s) - begun)) s."

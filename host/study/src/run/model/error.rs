@@ -38,7 +38,7 @@ pub enum ModelError {
     Log(#[from] LogError),
     /// The finished log could not be renamed.
     #[error("{}: the finished log cannot be moved here", path.display())]
-    #[diagnostic(help("check that the folder is writable, then continue with --resume"))]
+    #[diagnostic(help("check that the folder is writable and the log open nowhere else, then continue with --resume"))]
     Place { path: PathBuf, source: std::io::Error },
     /// The threads could not be started.
     #[error("cannot start the threads: {0}")]
