@@ -8,6 +8,7 @@ use study::output::OutputError;
 use study::plan::PlanError;
 use study::session::SessionError;
 use study::twin::TwinError;
+use system::shell::INSTALL;
 use thiserror::Error;
 
 /// Why a page, a figure or a film was not written.
@@ -28,7 +29,7 @@ pub enum PageError {
     NoMap { path: PathBuf, found: String },
     /// A film of this kind needs FFmpeg.
     #[error("{}: the program {program} is not installed, which encodes WebM", path.display())]
-    #[diagnostic(help("install it (`sudo apt install ffmpeg`), or end the file's name with .gif"))]
+    #[diagnostic(help("install it (`{INSTALL} ffmpeg`), or end the file's name with .gif"))]
     NoEncoder { path: PathBuf, program: &'static str },
     /// A robot file cannot be read.
     #[error(transparent)]

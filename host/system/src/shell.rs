@@ -1,6 +1,6 @@
 //! Commands of the shell: run, and shown.
 
-pub use crate::own::shell::{command, quoted};
+pub use crate::own::shell::{INSTALL, command, quoted};
 
 use std::path::Path;
 

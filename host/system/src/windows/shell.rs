@@ -3,6 +3,9 @@
 use std::os::windows::process::CommandExt;
 use std::process::Command;
 
+/// The command that installs a program, without its name.
+pub const INSTALL: &str = "winget install";
+
 /// Returns the shell that runs a user's command.
 pub fn command(line: &str) -> Command {
     let mut shell = Command::new("cmd");
