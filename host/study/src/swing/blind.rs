@@ -4,26 +4,31 @@ use super::causes::SLOWEST_RPM;
 use super::lines::{FASTEST_HZ, Fit, Fitter, size};
 use super::motion::Motion;
 use super::score::{agreement, beside_the_other, in_plane_dps, least_dps, score};
-use super::{MOST_LEFT, SHAKING};
+use super::{Labelled, MARGIN, MOST_LEFT, SHAKING};
 use crate::attitude::Columns;
 use crate::statistics::{Line, student_95};
 use crate::text::decimal;
 use serde::Serialize;
+use sim::functions::hypot;
+use std::f64::consts::TAU;
 use std::fmt;
 use std::ops::Range;
 
 /// Length of the part in which the lines are told, s.
 pub(super) const PART_S: f64 = 20.0;
 
-/// How often speeds that wander are followed, and in windows of which length, s.
+/// How often speeds that wander are followed.
 const FOLLOWED: usize = 2;
-const FOLLOWED_S: f64 = 4.0;
+
+/// By which factor the part grows in which they are.
+const GROWTH: f64 = 1.25;
 
 /// Most steps of a fit.
 const STEPS: usize = 4;
 
 /// Why no speed is told where nothing turns.
 pub const NO_LINE: &str = "no line of a motor is seen";
+const ONE_OR_NEAR: &str = "one motor turns, or both at nearly one speed";
 const TOUCH: &str = "the flagella touch, or the motion does not repeat";
 
 /// Lines of which a motor may have any.
@@ -42,6 +47,12 @@ const SAME_TURNS: f64 = 0.5;
 /// The least score of two motors, and by how much it must be better than that of other speeds, or of other motors.
 const LEAST_SCORE: f64 = 10.0;
 const LEAST_LEAD: f64 = 2.0;
+
+/// Labelled speeds that are nearer, in turns over the whole time, are those of two motors where one alone leaves much of the motion,
+/// and both so many times less.
+const NEAR_TURNS: f64 = 3.0;
+const LEAST_LEFT_OF_ONE: f64 = 0.08;
+const BETTER_THAN_ONE: f64 = 4.0;
 
 /// The largest share of a motion that opposite equal speeds may leave, which one line explains: it may be of one motor whose
 /// flagellum is bent.
@@ -66,11 +77,14 @@ const LEAST_AGREEMENT: f64 = 1.4;
 /// What the scatter of phases understates an error by: neighbouring windows have common errors.
 const INFLATION: f64 = 1.9;
 
+/// By how many of its sizes what is left of a motion may pull a line, 95 %.
+const PULL: f64 = 1.5;
+
 /// Least uncertainty, rpm s: of the phase at both ends.
 const FLOOR_RPM_S: f64 = 2.0;
 
 /// A larger uncertainty is that of a line which does not hold its phase: it is no motor's.
-pub(super) const MOST_RPM: f64 = 0.4;
+const MOST_RPM: f64 = 0.4;
 
 /// Speeds of both motors, measured by the swing of the robot.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
@@ -111,7 +125,7 @@ impl SwingSpeeds {
 
     /// Measures the speeds in a part of a run, if it has one.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
-        match part_s.and_then(|part_s| speeds(angles_deg, part_s)) {
+        match part_s.and_then(|part_s| speeds(angles_deg, part_s, None)) {
             Ok(speeds) => Self::told(speeds),
             Err(why) => Self::unknown(why),
         }
@@ -138,19 +152,15 @@ pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, 
     let motion = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
     let fitter = Fitter::new(&motion);
     let found = fitter.strongest(SHAKING, FASTEST_ALONE_HZ);
-    let mut fitter = fitter.without_shaking(&found);
+    let fitter = fitter.without_shaking(&found);
     let seen = fitter.strongest(1, FASTEST_ALONE_HZ).first().copied().ok_or(NO_LINE)?;
     let reach = [1.0 / motion.length_s, 0.0];
-    let mut fit = fitter.refined([seen, 0.0], reach, STEPS).ok_or(TOUCH)?;
-    for _ in 0..FOLLOWED {
-        fitter = fitter.following(&fit, (motion.length_s / FOLLOWED_S) as usize);
-        fit = fitter.refined(fit.hz, reach, STEPS).ok_or(TOUCH)?;
-    }
+    let (fitter, mut fit) = followed(fitter, [seen, 0.0], reach).ok_or(TOUCH)?;
     let line = *fit.motor(0).ok_or(NO_LINE)?;
     if size(line.opposite) > size(line.turns) {
         fit = fit.read([-1.0, 1.0], false);
     }
-    let rpm = fit.hz[0] * fitter.rate() * 60.0;
+    let rpm = fit.hz[0] * fitter.rates()[0] * 60.0;
     let [turns, opposite] = [size(line.turns), size(line.opposite)];
     if turns.max(opposite) < LEAST_LINE * in_plane_dps(rpm.abs()) {
         return Err(NO_LINE);
@@ -167,26 +177,31 @@ struct Reading {
     fit: Fit,
 }
 
-/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties.
+/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties: `near` those of a label, or whichever they are.
 ///
 /// # Errors
 /// Why they cannot be told.
-pub(super) fn speeds(angles_deg: &Columns<3>, settled_s: Range<f64>) -> Result<[(f64, f64); 2], &'static str> {
+pub(super) fn speeds(
+    angles_deg: &Columns<3>,
+    settled_s: Range<f64>,
+    near: Option<&Labelled>,
+) -> Result<[(f64, f64); 2], &'static str> {
     let motion = Motion::of(angles_deg, settled_s.clone()).ok_or("the run is too short")?;
     if motion.stops().is_some() {
         return Err("the motors stop before the end of the run");
     }
-    // A part tells what the lines are, where speeds that wander do not blur them.
-    let part_s = settled_s.start.max(settled_s.end - PART_S)..settled_s.end;
-    let part = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
-    let (of_part, found) = told(&part)?;
-    let reach = [1.0 / part.length_s; 2];
-    let mut fitter = Fitter::new(&motion).without_shaking(&found);
-    let mut fit = fitter.refined(of_part.hz, reach, STEPS).ok_or(TOUCH)?;
-    for _ in 0..FOLLOWED {
-        fitter = fitter.following(&fit, (motion.length_s / FOLLOWED_S) as usize);
-        fit = fitter.refined(fit.hz, reach, STEPS).ok_or(TOUCH)?;
-    }
+    // A part tells what the lines are, where speeds that wander do not blur them. It grows, so that no turn is lost.
+    let lengths_s = std::iter::successors(Some(PART_S), |s| (*s < motion.length_s).then_some(s * GROWTH));
+    let part = |s: f64| Motion::of(angles_deg, settled_s.start.max(settled_s.end - s)..settled_s.end);
+    let parts: Vec<Motion> = lengths_s.filter_map(part).collect();
+    let [part, longer @ ..] = &parts[..] else { return Err("the run is too short") };
+    let (of_part, found) = told(part, near)?;
+    let grown = |hz: [f64; 2]| {
+        let reach = hz.map(|f| if f == 0.0 { 0.0 } else { 1.0 / part.length_s });
+        let first = followed(Fitter::new(part).without_shaking(&found), hz, reach)?;
+        longer.iter().try_fold(first, |(fitter, fit), part| followed(fitter.longer(part, &found), fit.hz, reach))
+    };
+    let (fitter, fit) = grown(of_part.hz).ok_or(TOUCH)?;
     if fit.left.iter().any(|left| *left > MOST_LEFT) {
         return Err(TOUCH);
     }
@@ -194,11 +209,32 @@ pub(super) fn speeds(angles_deg: &Columns<3>, settled_s: Range<f64>) -> Result<[
     if uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
         return Err(TOUCH);
     }
-    Ok([0, 1].map(|k| (fit.hz[k] * fitter.rate() * 60.0, uncertainty[k])))
+    let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);
+    if near.is_some() && one.min(other) > 0.0 && (one - other).abs() < NEAR_TURNS {
+        // Of a motor that wanders, a line looks like two.
+        let (_, alone) = grown([fit.hz[0], 0.0]).ok_or(TOUCH)?;
+        let [both, alone] = [&fit, &alone].map(|fit| fit.left[0] + fit.left[1]);
+        if alone < LEAST_LEFT_OF_ONE || both > alone / BETTER_THAN_ONE {
+            return Err(ONE_OR_NEAR);
+        }
+    }
+    let (rates, swing_dps) = (fitter.rates(), fitter.swing_dps());
+    let pull = |k: usize| pull_turns(&fit, k, swing_dps) * 60.0 / motion.length_s;
+    Ok([0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, hypot(uncertainty[k], pull(k)))))
+}
+
+/// Returns a fit near two frequencies by the times of motors that wander.
+fn followed(mut fitter: Fitter, hz: [f64; 2], reach: [f64; 2]) -> Option<(Fitter, Fit)> {
+    let mut fit = fitter.refined(hz, reach, STEPS)?;
+    for _ in 0..FOLLOWED {
+        fitter = fitter.following(&fit);
+        fit = fitter.refined(fit.hz, reach, STEPS)?;
+    }
+    Some((fitter, fit))
 }
 
 /// Returns the reading of a motion, and its strongest lines.
-fn told(motion: &Motion) -> Result<(Fit, Vec<f64>), &'static str> {
+fn told(motion: &Motion, near: Option<&Labelled>) -> Result<(Fit, Vec<f64>), &'static str> {
     let fitter = Fitter::new(motion);
     let (swing, least) = (fitter.swing_dps(), least_dps(SLOWEST_RPM));
     if (0..2).all(|k| swing[k] < least[k]) {
@@ -209,19 +245,24 @@ fn told(motion: &Motion) -> Result<(Fit, Vec<f64>), &'static str> {
     let found = fitter.strongest(LINES, FASTEST_HZ);
     let pairs = (0..found.len()).flat_map(|i| (0..i).map(move |j| [i, j])).map(|pair| pair.map(|i| found[i]));
     let alone = found.iter().flat_map(|f| [[*f, 0.0], [*f, *f], [*f, -f]]);
-    let of = |hz: [f64; 2], reach: [f64; 2], steps: usize| fitter.refined(hz, reach, steps).map(|fit| readings(&fit));
-    let best = |all: Vec<Reading>| all.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
-    let mut rough: Vec<Reading> = pairs.chain(alone).filter_map(|hz| best(of(hz, [0.0; 2], 0)?)).collect();
+    let is_likely = |reading: &Reading| near.is_none_or(|label| label.is_of(reading.fit.hz.map(|f| f * 60.0)));
+    let of = |fit: &Fit| readings(fit).into_iter().filter(is_likely);
+    let rough = pairs.chain(alone).filter_map(|hz| fitter.refined(hz, [0.0; 2], 0));
+    let mut rough: Vec<Reading> = rough.filter_map(|fit| of(&fit).max_by(|a, b| a.score.total_cmp(&b.score))).collect();
     rough.sort_by(|a, b| b.score.total_cmp(&a.score));
     rough.truncate(REFINED);
     let turn_hz = 1.0 / motion.length_s;
     let reach = |f: f64| if f == 0.0 { 0.0 } else { REACH_TURNS * turn_hz };
-    let exact = rough.iter().filter_map(|Reading { fit, .. }| of(fit.hz, fit.hz.map(reach), STEPS)).flatten();
-    let mut exact: Vec<Reading> = exact.filter(|Reading { fit, .. }| !has_too_weak(fit)).collect();
+    let exact = rough.iter().filter_map(|Reading { fit, .. }| fitter.refined(fit.hz, fit.hz.map(reach), STEPS));
+    let all = exact.flat_map(|fit| readings(&fit)).filter(|one| !has_too_weak(&one.fit));
+    let (mut exact, others): (Vec<Reading>, Vec<Reading>) = all.partition(is_likely);
     exact.sort_by(|a, b| b.score.total_cmp(&a.score));
     let Some(Reading { score: first, fit }) = exact.first() else { return Err(NO_LINE) };
-    if let Some(reason) = doubt(fit, *first, motion.length_s) {
+    if let Some(reason) = doubt(fit, *first, motion.length_s, near.is_some()) {
         return Err(reason);
+    }
+    if others.iter().any(|other| other.score > first + MARGIN) {
+        return Err("the motion is rather that of other speeds");
     }
     let is_near = |f: f64| fit.hz.iter().any(|own| (own - f).abs() < SAME_TURNS * turn_hz);
     if exact.iter().any(|other| other.score > first - LEAST_LEAD && !other.fit.hz.into_iter().all(is_near)) {
@@ -248,10 +289,13 @@ fn has_too_weak(fit: &Fit) -> bool {
 }
 
 /// Returns why the best reading of a motion is no answer.
-fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
+fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'static str> {
     let [one, other] = fit.hz.map(|f| f * length_s);
     if fit.left.iter().any(|left| *left > MOST_LEFT) || score < LEAST_SCORE {
         return Some(TOUCH);
+    }
+    if is_labelled {
+        return None;
     }
     let is_told = match [fit.motor(0), fit.motor(1)] {
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
@@ -270,11 +314,11 @@ fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
             if fit.left.iter().any(|left| *left > MOST_LEFT_OPPOSITE)
                 || size(line.turns).min(size(line.opposite)) < least
             {
-                return Some("one motor turns, or both at nearly one speed");
+                return Some(ONE_OR_NEAR);
             }
             score - self::score(&fit.read([-1.0; 2], false)) > LEAST_LEAD
         }
-        _ => return Some("one motor turns, or both at nearly one speed"),
+        _ => return Some(ONE_OR_NEAR),
     };
     if !is_told {
         return Some("the swing does not tell which motor is which");
@@ -283,15 +327,22 @@ fn doubt(fit: &Fit, score: f64, length_s: f64) -> Option<&'static str> {
 }
 
 /// Returns the uncertainties of both speeds: those of lines through the phases of windows.
-pub(super) fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
+fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
     let windows = if length_s < 30.0 { 5 } else { 6 };
-    let Some((ahead_s, _)) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
+    let Some(ahead_s) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
     let count = windows as f64;
     let at = |i: usize| (i as f64 - (count - 1.0) / 2.0) * length_s / count;
     [0, 1].map(|motor| {
         let line = Line::through((0..windows).map(|i| (at(i), ahead_s[i][motor])));
         let share = student_95(count - 2.0) * (line.squares / (count - 2.0) / line.spread).sqrt();
-        let (scatter, floor) = (INFLATION * share * fit.hz[motor].abs() * 60.0, FLOOR_RPM_S / length_s);
-        (scatter * scatter + floor * floor).sqrt()
+        hypot(INFLATION * share * fit.hz[motor].abs() * 60.0, FLOOR_RPM_S / length_s)
     })
+}
+
+/// Returns by how much what is left of a motion may pull the phase of a motor's line, turns, 95 %.
+fn pull_turns(fit: &Fit, motor: usize, swing_dps: [f64; 2]) -> f64 {
+    let Some(line) = fit.motor(motor).or(fit.motor(1 - motor)).filter(|_| fit.hz[motor] != 0.0) else { return 0.0 };
+    let in_plane = (line.turns.norm_sqr() + line.opposite.norm_sqr()) / (swing_dps[0] * swing_dps[0]);
+    let share = in_plane + line.about_z.norm_sqr() / (2.0 * swing_dps[1] * swing_dps[1]);
+    PULL * ((fit.left[0] + fit.left[1]) / share).sqrt() / TAU
 }

@@ -18,6 +18,9 @@ const SHAKING_BESIDE: f64 = 0.001;
 /// The least swing of the weaker motor by that of the stronger one.
 const WEAKEST: f64 = 0.07;
 
+/// Speeds that wander are followed in windows of this length, s.
+const FOLLOWED_S: f64 = 4.0;
+
 /// A complex number.
 pub type Complex = nalgebra::Complex<f64>;
 
@@ -94,8 +97,8 @@ impl Fit {
 /// Fits lines to one motion.
 pub struct Fitter<'a> {
     motion: &'a Motion,
-    /// Times by which the motors turn steadily.
-    t: Vec<f64>,
+    /// Times by which each motor turns steadily.
+    t: [Vec<f64>; 2],
     rates: DMatrix<f64>,
     slow: DMatrix<f64>,
     window: Vec<f64>,
@@ -116,7 +119,8 @@ impl<'a> Fitter<'a> {
         let rates = DMatrix::from_fn(motion.t.len(), 3, |i, axis| motion.rates[axis][i]);
         let hann = |i: usize| 1.0 - cos(TAU * (i as f64 + 0.5) / count);
         let window = (0..motion.t.len()).map(hann).collect();
-        Self { motion, t: motion.t.clone(), rates, slow, window, square: [0.0; 3], noise }.with_squares()
+        Self { motion, t: [motion.t.clone(), motion.t.clone()], rates, slow, window, square: [0.0; 3], noise }
+            .with_squares()
     }
 
     /// Returns the root mean square of the swing about each axis, °/s; `None` where noise is as large.
@@ -182,7 +186,7 @@ impl<'a> Fitter<'a> {
         let step = 0.35 / length_s;
         let grid: Vec<f64> = (2..(fastest_hz / step) as i32).map(|k| f64::from(k) * step).collect();
         let mut found: Vec<f64> = Vec::new();
-        while let Some(solved) = self.solve(&found).filter(|_| found.len() < count) {
+        while let Some(solved) = self.solve(&steady(&found)).filter(|_| found.len() < count) {
             let power = |f: f64| self.power(f, &solved.residuals).iter().sum::<f64>();
             let far = grid.iter().filter(|f| found.iter().all(|other| (*f - other).abs() * length_s > 0.5));
             let Some((_, f)) = far.map(|f| (power(*f), *f)).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
@@ -197,7 +201,7 @@ impl<'a> Fitter<'a> {
     /// Takes lines of this list as slow change, where all axes move to and fro together: a shaking, as a gear makes once a turn
     /// of its motor, is no swing.
     pub fn without_shaking(mut self, found: &[f64]) -> Self {
-        let Some(solved) = self.solve(found) else { return self };
+        let Some(solved) = self.solve(&steady(found)) else { return self };
         for i in 0..found.len() {
             let of_axis = |axis: usize| (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);
             let all = [0, 1, 2].map(of_axis);
@@ -227,8 +231,8 @@ impl<'a> Fitter<'a> {
         let mut at = hz;
         let mut best: Option<(f64, Fit)> = None;
         for step in 0..=steps {
-            let lines = self.told_apart(at);
-            let Some(solved) = self.solve(&lines.iter().map(|line| line.1).collect::<Vec<_>>()) else { break };
+            let (lines, shares) = self.told_apart(at);
+            let Some(solved) = self.solve(&shares) else { break };
             let fit = self.fit(at, &lines, &solved);
             let cost = fit.left[0] + fit.left[1];
             let moves = if step < steps { self.step(at, &lines, &solved) } else { [0.0; 2] };
@@ -249,33 +253,35 @@ impl<'a> Fitter<'a> {
         best.map(|(_, fit)| fit)
     }
 
-    /// Returns the lines that are at frequencies of their own, simple ones first, with their frequencies.
-    fn told_apart(&self, hz: [f64; 2]) -> Vec<([i32; 2], f64)> {
-        let mut lines: Vec<([i32; 2], f64)> = Vec::new();
+    /// Returns the lines that are at frequencies of their own, simple ones first, with the shares of both motors in these.
+    fn told_apart(&self, hz: [f64; 2]) -> (Vec<[i32; 2]>, Vec<[f64; 2]>) {
+        let (mut lines, mut shares): (Vec<[i32; 2]>, Vec<[f64; 2]>) = Default::default();
         for of in MIXED {
             if (0..2).any(|motor| of[motor] != 0 && hz[motor] == 0.0) {
                 continue;
             }
-            let at = f64::from(of[0]) * hz[0] + f64::from(of[1]) * hz[1];
+            let both = [0, 1].map(|motor| f64::from(of[motor]) * hz[motor]);
+            let at = both[0] + both[1];
             let is_motor = of[0].abs() + of[1].abs() == 1;
             let apart = if is_motor { 0.5 } else { 0.35 } / self.motion.length_s;
             let is_in_reach = at.abs() > 0.7 / self.motion.length_s && at.abs() < 4.5;
-            if is_in_reach && lines.iter().all(|(_, other)| (at.abs() - other.abs()).abs() > apart) {
-                lines.push((of, at));
+            if is_in_reach && shares.iter().all(|[a, b]| (at.abs() - (a + b).abs()).abs() > apart) {
+                lines.push(of);
+                shares.push(both);
             }
         }
-        lines
+        (lines, shares)
     }
 
-    fn solve(&self, hz: &[f64]) -> Option<Solved> {
+    fn solve(&self, hz: &[[f64; 2]]) -> Option<Solved> {
         let count = self.motion.t.len();
         let mut columns = Vec::with_capacity(count * (2 * hz.len() + self.slow.ncols()));
-        for &f in hz {
+        for [one, other] in hz {
             let start = columns.len();
             columns.resize(start + 2 * count, 0.0);
             let (cosine, sine) = columns[start..].split_at_mut(count);
-            for (t, (cosine, sine)) in self.t.iter().zip(cosine.iter_mut().zip(sine)) {
-                (*sine, *cosine) = sin_cos(TAU * f * t);
+            for (k, (cosine, sine)) in cosine.iter_mut().zip(sine).enumerate() {
+                (*sine, *cosine) = sin_cos(TAU * (one * self.t[0][k] + other * self.t[1][k]));
             }
         }
         columns.extend_from_slice(self.slow.as_slice());
@@ -289,19 +295,20 @@ impl<'a> Fitter<'a> {
         Some(Solved { columns, transposed, cholesky, values, residuals })
     }
 
-    fn fit(&self, hz: [f64; 2], lines: &[([i32; 2], f64)], solved: &Solved) -> Fit {
+    fn fit(&self, hz: [f64; 2], lines: &[[i32; 2]], solved: &Solved) -> Fit {
         // Noise of angles grows with the frequency, and would look like strong sums of both speeds.
         let noise = |f: f64| 8.0 * self.motion.angle_variance * TAU * TAU * f * f / self.motion.t.len() as f64;
-        let line = |(i, (of, f)): (usize, &([i32; 2], f64))| {
+        let line = |(i, of): (usize, &[i32; 2])| {
+            let f = f64::from(of[0]) * hz[0] + f64::from(of[1]) * hz[1];
             let of_axis =
                 |axis: usize| Complex { re: solved.values[(2 * i, axis)], im: -solved.values[(2 * i + 1, axis)] };
             let [x, y, about_z] = [0, 1, 2].map(of_axis);
             let turns = Complex { re: (x.re - y.im) / 2.0, im: (x.im + y.re) / 2.0 };
             let opposite = Complex { re: (x.re + y.im) / 2.0, im: (y.re - x.im) / 2.0 };
             let is_motor = of[0].abs() + of[1].abs() == 1;
-            let turns = if is_motor { turns } else { less(turns, noise(*f)) };
+            let turns = if is_motor { turns } else { less(turns, noise(f)) };
             let is_shared = is_motor && (hz[0] + hz[1]).abs() * self.motion.length_s < 1.0;
-            let opposite = if is_shared { opposite } else { less(opposite, noise(*f)) };
+            let opposite = if is_shared { opposite } else { less(opposite, noise(f)) };
             Line { of: *of, turns, opposite, about_z }
         };
         let [x, y, z] = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());
@@ -316,16 +323,16 @@ impl<'a> Fitter<'a> {
 
     /// Returns a step of both frequencies, by Gauss and Newton, from the two motors' own lines only: mixed lines would follow a
     /// shaking of the board.
-    fn step(&self, hz: [f64; 2], lines: &[([i32; 2], f64)], solved: &Solved) -> [f64; 2] {
+    fn step(&self, hz: [f64; 2], lines: &[[i32; 2]], solved: &Solved) -> [f64; 2] {
         let mut normal = [[0.0; 2]; 2];
         let mut right = [0.0; 2];
         for axis in 0..3 {
             let weight = self.weight(axis);
             let derivative = |motor: usize| -> Option<DVector<f64>> {
-                let i = lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0)?;
+                let i = lines.iter().position(|of| of[motor] == 1 && of[1 - motor] == 0)?;
                 let (a, b) = (solved.values[(2 * i, axis)], solved.values[(2 * i + 1, axis)]);
                 let (cosine, sine) = (solved.columns.column(2 * i), solved.columns.column(2 * i + 1));
-                let along = |k: usize| TAU * self.t[k] * (b * cosine[k] - a * sine[k]);
+                let along = |k: usize| TAU * self.t[motor][k] * (b * cosine[k] - a * sine[k]);
                 let column = DVector::from_fn(self.motion.t.len(), |k, _| along(k));
                 let held = solved.cholesky.solve(&(&solved.transposed * &column));
                 Some(column - &solved.columns * held)
@@ -352,15 +359,13 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// Returns by how much the line of each motor is ahead of a fit in windows of equal lengths, s, and the weights of
-    /// both.
-    pub fn ahead(&self, fit: &Fit, windows: usize) -> Option<(Vec<[f64; 2]>, [f64; 2])> {
-        let lines = self.told_apart(fit.hz);
-        let solved = self.solve(&lines.iter().map(|line| line.1).collect::<Vec<_>>())?;
+    /// Returns by how much the line of each motor is ahead of a fit in windows of equal lengths, s.
+    pub fn ahead(&self, fit: &Fit, windows: usize) -> Option<Vec<[f64; 2]>> {
+        let (lines, shares) = self.told_apart(fit.hz);
+        let solved = self.solve(&shares)?;
         let count = self.motion.t.len();
-        let of = |motor: usize| lines.iter().position(|(of, _)| of[motor] == 1 && of[1 - motor] == 0);
+        let of = |motor: usize| lines.iter().position(|of| of[motor] == 1 && of[1 - motor] == 0);
         let places = [of(0).or(of(1))?, of(1).or(of(0))?];
-        let mut powers = [0.0; 2];
         let mut all: Vec<[f64; 2]> = Vec::new();
         for window in 0..windows {
             let mut turns = [0.0; 2];
@@ -379,42 +384,59 @@ impl<'a> Fitter<'a> {
                     }
                 }
                 turns[motor] = atan2(products[1] / squares[1], 1.0 + products[0] / squares[0]) / TAU;
-                powers[motor] += squares[1];
                 if let Some(last) = all.last() {
                     turns[motor] -= (turns[motor] - last[motor]).round();
                 }
             }
             all.push(turns);
         }
-        let hz = places.map(|i| lines[i].1);
-        let all = all.iter().map(|turns| [0, 1].map(|motor| turns[motor] / hz[motor])).collect();
-        Some((all, [0, 1].map(|motor| powers[motor] * hz[motor] * hz[motor])))
+        let hz = places.map(|i| shares[i][0] + shares[i][1]);
+        Some(all.iter().map(|turns| [0, 1].map(|motor| turns[motor] / hz[motor])).collect())
     }
 
     fn weight(&self, axis: usize) -> f64 {
         1.0 / (if axis < 2 { self.square[0] + self.square[1] } else { self.square[2] } + 1e-12)
     }
 
-    /// Takes the time that motors with the speeds of a fit would need for the turns that they made, where both speeds wander
-    /// together.
-    pub fn following(mut self, fit: &Fit, windows: usize) -> Self {
-        let Some((ahead_s, [a, b])) = self.ahead(fit, windows) else { return self };
-        let ahead_s: Vec<f64> = ahead_s.iter().map(|[one, other]| (a * one + b * other) / (a + b)).collect();
-        let width = self.t.len() as f64 / windows as f64;
-        for k in 0..self.t.len() {
-            let at = ((k as f64 + 0.5) / width - 0.5).clamp(0.0, windows as f64 - 1.0);
-            let i = (at as usize).min(windows - 2);
-            let part = (k as f64 + 0.5) / width - 0.5 - i as f64;
-            self.t[k] += ahead_s[i] + part * (ahead_s[i + 1] - ahead_s[i]);
+    /// Takes the times that motors with the speeds of a fit would need for the turns that they made, where their speeds wander.
+    pub fn following(mut self, fit: &Fit) -> Self {
+        let windows = (self.motion.length_s / FOLLOWED_S) as usize;
+        let Some(ahead_s) = self.ahead(fit, windows) else { return self };
+        let width = self.motion.t.len() as f64 / windows as f64;
+        for (motor, t) in self.t.iter_mut().enumerate() {
+            for (k, t) in t.iter_mut().enumerate() {
+                let at = (k as f64 + 0.5) / width - 0.5;
+                let i = (at.max(0.0) as usize).min(windows - 2);
+                let [before, after] = [ahead_s[i][motor], ahead_s[i + 1][motor]];
+                *t += before + (at - i as f64) * (after - before);
+            }
         }
         self
     }
 
-    /// Returns the mean rate of the time that [`Self::following`] has taken.
-    pub fn rate(&self) -> f64 {
-        let product = |of: &[f64]| self.motion.t.iter().zip(of).map(|(t, of)| t * of).sum::<f64>();
-        product(&self.t) / product(&self.motion.t)
+    /// Returns a fitter of a longer motion with the same end, whose motors have turned as slowly before as where this one begins.
+    pub fn longer<'b>(&self, motion: &'b Motion, found: &[f64]) -> Fitter<'b> {
+        let mut longer = Fitter::new(motion).without_shaking(found);
+        let before = motion.t.len() - self.motion.t.len();
+        let window = (FOLLOWED_S / super::motion::INTERVAL_S) as usize;
+        for (t, own) in longer.t.iter_mut().zip(&self.t) {
+            let step = (own[window] - own[0]) / window as f64;
+            let earlier = (1..=before).rev().map(|i| own[0] - i as f64 * step);
+            *t = earlier.chain(own.iter().copied()).collect();
+        }
+        longer
     }
+
+    /// Returns the mean rates of the times that [`Self::following`] has taken.
+    pub fn rates(&self) -> [f64; 2] {
+        let length = |t: &[f64]| t[t.len() - 1] - t[0];
+        self.t.each_ref().map(|t| length(t) / length(&self.motion.t))
+    }
+}
+
+/// Returns lines at steady frequencies.
+fn steady(hz: &[f64]) -> Vec<[f64; 2]> {
+    hz.iter().map(|f| [*f, 0.0]).collect()
 }
 
 struct Solved {

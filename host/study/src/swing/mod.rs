@@ -38,9 +38,6 @@ const ONE_SWING: f64 = 0.5;
 /// Usual swing of a motor by that of the other one, below which nothing is said of it alone.
 const HIDDEN: f64 = 0.075;
 
-/// Share by which the speed of a motor without encoder may differ between the end of a run and the whole, 95 %.
-const WANDER_OF_PART: f64 = 0.05;
-
 /// Share by which its mean may be off because it wanders, 95 %.
 const WANDER: f64 = 0.005;
 
@@ -119,6 +116,11 @@ impl Labelled<'_> {
     /// Returns whether a motor's speed is no further from the label's than a right label may be off.
     fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
         (rpm[k] - self.rpm[k]).abs() <= self.off.0 * self.rpm[k].abs() + self.off.1
+    }
+
+    /// Returns whether speeds may be those of the label.
+    fn is_of(&self, rpm: [f64; 2]) -> bool {
+        (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
     }
 
     /// Returns whether speeds differ from the label's in those of one motor alone, whose swing is lost beside that of the other.
@@ -216,7 +218,9 @@ pub fn label(trial: &Labelled) -> Label {
     let better = readings.better_than(score, &doubts);
     match better[..] {
         [] if fastest_rpm < SLOWEST_RPM => Label::NotJudged("both motors are slow"),
-        [] if is_lost && !doubts.is_noisy => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
+        [] if is_lost && !doubts.is_noisy && !trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm)) => {
+            Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }])
+        }
         [] => Label::Right,
         _ => Label::Wrong(said(&better)),
     }
@@ -259,30 +263,10 @@ fn said(better: &[Better]) -> Vec<Cause> {
     best.iter().filter(|(_, cause, rpm)| !is_other(*cause) || !is_usual(*rpm)).map(|(_, cause, _)| *cause).collect()
 }
 
-/// Returns the speeds (rpm) near those of a label with their 95 % uncertainties, of motors that nothing else measures: in the whole
-/// part, or where they wander too much in its end, which may not be as fast as the whole.
-fn near_label(trial: &Labelled) -> Option<[(f64, f64); 2]> {
-    let Range { start, end } = trial.settled_s;
-    let parts_s = [start, start.max(end - blind::PART_S)].map(|from_s| from_s..end);
-    parts_s.into_iter().find_map(|part_s| {
-        let share = if part_s.start > start { WANDER_OF_PART } else { 0.0 };
-        let motion = Motion::of(trial.angles_deg, part_s)?;
-        let fitter = Fitter::new(&motion);
-        let found = fitter.strongest(SHAKING, FASTEST_HZ);
-        let fitter = fitter.without_shaking(&found);
-        let (_, fit) = Readings { fitter: &fitter, trial }.at(trial.rpm, 3)?;
-        let are_seen = (0..2).all(|k| trial.rpm[k] == 0.0 || fit.motor(k).is_some());
-        let u = blind::uncertainty_rpm(&fitter, &fit, motion.length_s);
-        let are_told = (0..2).all(|k| trial.rpm[k] == 0.0 || u[k] < blind::MOST_RPM);
-        (are_seen && are_told && !fit.hides_one() && fit.left.iter().all(|left| *left < MOST_LEFT))
-            .then(|| [0, 1].map(|k| (fit.hz[k] * 60.0, hypot(u[k], share * fit.hz[k] * 60.0))))
-    })
-}
-
 impl SwingSpeeds {
     /// Returns the speeds of a trial whose label only nears them, if the motion tells them.
     pub(crate) fn near(trial: &Labelled) -> Option<Self> {
-        near_label(trial).map(Self::told)
+        blind::speeds(trial.angles_deg, trial.settled_s.clone(), Some(trial)).ok().map(Self::told)
     }
 
     /// Returns the speeds as those of motors without encoders, which wander.

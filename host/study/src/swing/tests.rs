@@ -8,6 +8,7 @@ use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::fmt;
 
 pub(crate) const RATE_HZ: f64 = 20.0;
 const SETTLING_S: f64 = 15.0;
@@ -31,7 +32,10 @@ impl Truth {
         let still = [0.0; 2];
         let profile =
             [(0.0, still), (0.5, rpm), (stops_s, rpm), (stops_s + 0.5, still), (until_s.max(stops_s + 1.0), still)];
-        let profile = SpeedProfile::from_points(&profile).unwrap();
+        Self::by(robot, rpm, SpeedProfile::from_points(&profile).unwrap())
+    }
+
+    fn by(robot: &Robot, rpm: [f64; 2], profile: SpeedProfile) -> Self {
         let mut angles_deg: [Vec<f64>; 3] = Default::default();
         let trial = Trial::new(robot, Closure::Full, profile, Options { rate_hz: RATE_HZ, shapes: false }).unwrap();
         for sample in trial.map(Result::unwrap) {
@@ -62,16 +66,18 @@ struct Trace {
 }
 
 /// Random numbers: seed, and how many were drawn.
-struct Random(u64, u64);
+pub(crate) struct Random(pub u64, pub u64);
 
-fn uniform(random: &mut Random) -> f64 {
-    random.1 += 1;
-    sim::split_mix::uniform(random.0, random.1)
-}
+impl Random {
+    pub fn uniform(&mut self) -> f64 {
+        self.1 += 1;
+        sim::split_mix::uniform(self.0, self.1)
+    }
 
-/// Twelve uniform numbers add up to a normal one.
-fn normal(random: &mut Random) -> f64 {
-    (0..12).map(|_| uniform(random)).sum::<f64>() - 6.0
+    /// Twelve uniform numbers add up to a normal one.
+    pub fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
 }
 
 impl Trace {
@@ -82,10 +88,10 @@ impl Trace {
         let mut turned_s = time_s.clone();
         if way == Way::Wandering {
             let held = (-1.0 / RATE_HZ / 10.0_f64).exp();
-            let mut change = 0.01 * normal(&mut random);
+            let mut change = 0.01 * random.normal();
             for i in 1..count {
                 turned_s[i] = turned_s[i - 1] + (1.0 + change) / RATE_HZ;
-                change = held * change + 0.01 * (1.0 - held * held).sqrt() * normal(&mut random);
+                change = held * change + 0.01 * (1.0 - held * held).sqrt() * random.normal();
             }
         }
         let at = |column: usize, i: usize| {
@@ -93,14 +99,14 @@ impl Trace {
             let (k, part) = (place as usize, place.fract());
             truth.angles_deg[column][k] * (1.0 - part) + truth.angles_deg[column][k + 1] * part
         };
-        let phase = std::f64::consts::TAU * uniform(&mut random);
+        let phase = std::f64::consts::TAU * random.uniform();
         // A recording drifts, and its noise is that of an integral.
-        let drift_dps = [0, 1, 2].map(|axis| if axis == 0 { 0.01 * normal(&mut random) } else { 0.0 });
+        let drift_dps = [0, 1, 2].map(|axis| if axis == 0 { 0.01 * random.normal() } else { 0.0 });
         let noise_deg = if let Way::Imported(noise_deg) = way { noise_deg } else { 0.002 };
         let shaken = |i: usize| if way == Way::Shaken { (4.65 * time_s[i] + phase).sin() / 4.65 } else { 0.0 };
         let values = [0, 1, 2].map(|axis| {
             let angle = |i: usize| at(axis, i) + drift_dps[axis] * time_s[i] + shaken(i);
-            (0..count).map(|i| angle(i) + noise_deg * normal(&mut random)).collect()
+            (0..count).map(|i| angle(i) + noise_deg * random.normal()).collect()
         });
         Self { angles_deg: Columns { time_s, values }, turned_s, is_import: matches!(way, Way::Imported(_)) }
     }
@@ -108,17 +114,15 @@ impl Trace {
     fn label(&self, rpm: [f64; 2], settled_s: Range<f64>) -> Label {
         let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
         let touches = Robot::default().flagellum.mesh(rpm);
-        let told_rpm = blind::speeds(&self.angles_deg, settled_s.clone()).ok().map(|told| told.map(|(rpm, _)| rpm));
+        let told_rpm =
+            blind::speeds(&self.angles_deg, settled_s.clone(), None).ok().map(|told| told.map(|(rpm, _)| rpm));
         label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone: false })
     }
 
-    /// Returns the speed by the nominal one, as an encoder has it.
+    /// Returns the mean speed by the nominal one.
     fn speed(&self, part_s: &Range<f64>) -> f64 {
-        let part =
-            (part_s.start * RATE_HZ) as usize..((part_s.end * RATE_HZ) as usize).min(self.angles_deg.time_s.len());
-        let middle = (part_s.start + part_s.end) / 2.0;
-        let product = |of: &[f64]| part.clone().map(|i| (self.angles_deg.time_s[i] - middle) * of[i]).sum::<f64>();
-        product(&self.turned_s) / product(&self.angles_deg.time_s)
+        let turned = |time_s: f64| self.turned_s[((time_s * RATE_HZ) as usize).min(self.turned_s.len() - 1)];
+        (turned(part_s.end) - turned(part_s.start)) / (part_s.end - part_s.start)
     }
 }
 
@@ -149,7 +153,7 @@ fn a_wrong_label_is_named_and_a_right_one_is_not() {
         let trace = Trace::of(&truth, way, seed);
         let [a, b] = truth.rpm;
         assert_eq!(trace.label([a, b], settled_s.clone()), Label::Right, "{way:?}");
-        let speeds = blind::speeds(&trace.angles_deg, settled_s.clone()).unwrap();
+        let speeds = blind::speeds(&trace.angles_deg, settled_s.clone(), None).unwrap();
         assert!((0..2).all(|k| (speeds[k].0 - truth.rpm[k]).abs() < speeds[k].1 && speeds[k].1 < 0.3), "{speeds:?}");
         let factors =
             [0.5, 1.5, 2.0, 4.0, 6.0, 1.0 / 9.55, 1.0 / 60.0, least, 0.8, 1.3].map(|factor| [a * factor, b * factor]);
@@ -172,7 +176,37 @@ fn motors_that_stop_early_are_seen() {
     let mut still = trace;
     still.angles_deg.values = [0, 1, 2].map(|_| vec![0.0; still.turned_s.len()]);
     assert_eq!(still.label(truth.rpm, SETTLING_S..48.0), Label::HardlySwings(Swing::Whole));
-    assert_eq!(blind::speeds(&still.angles_deg, SETTLING_S..48.0), Err("the robot hardly swings"));
+    assert_eq!(blind::speeds(&still.angles_deg, SETTLING_S..48.0, None), Err("the robot hardly swings"));
+}
+
+#[test]
+fn motors_that_wander_apart_are_told_alone_and_near_a_label() {
+    let rpm = |t: f64| [41.2 * (1.0 - 0.0006 * t), -29.3 * (1.0 + 0.03 * (t / 14.0).sin())];
+    let points: Vec<_> =
+        (0..=120).map(|i| (0.5 * f64::from(i), if i == 0 { [0.0; 2] } else { rpm(0.5 * f64::from(i)) })).collect();
+    let profile = SpeedProfile::from_points(&points).unwrap();
+    let [from, to] = [SETTLING_S, 60.0].map(|t| profile.motors(t).map(|motor| motor.angle / TAU));
+    let mean_rpm = [0, 1].map(|k| (to[k] - from[k]) / (60.0 - SETTLING_S) * 60.0);
+    let Trace { angles_deg, .. } = Trace::of(&Truth::by(&quick(), mean_rpm, profile), Way::Recorded, 4);
+    let label = Labelled {
+        angles_deg: &angles_deg,
+        settled_s: SETTLING_S..60.0,
+        rpm: [46.0, -26.0],
+        off: (0.25, 2.0),
+        touches: false,
+        told_rpm: None,
+        has_yaw_alone: false,
+    };
+    for near in [None, Some(&label)] {
+        let told = blind::speeds(&angles_deg, SETTLING_S..60.0, near).unwrap();
+        assert!(
+            (0..2).all(|k| (told[k].0 - mean_rpm[k]).abs() < told[k].1 && told[k].1 < 0.2),
+            "{told:?}, {mean_rpm:?}"
+        );
+    }
+    // Senses that the label has not are none of its own.
+    let other = Labelled { rpm: [-46.0, -26.0], ..label };
+    assert!(blind::speeds(&angles_deg, SETTLING_S..60.0, Some(&other)).is_err());
 }
 
 /// Motions of random robots at random and at published speeds.
@@ -190,9 +224,9 @@ fn population(seed: u64, count: usize) -> Vec<Truth> {
     let trials: Vec<(Robot, [f64; 2])> = (0..count)
         .map(|i| {
             let signs = [[1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]][i / 2 % 4];
-            let drawn = signs.map(|sign| sign * (500.0 + 8500.0 * uniform(&mut random)).round() / 100.0);
+            let drawn = signs.map(|sign| sign * (500.0 + 8500.0 * random.uniform()).round() / 100.0);
             let mut robot = robots[i % robots.len()].clone();
-            robot.flagellum.phase_deg = [0, 1].map(|_| 360.0 * uniform(&mut random));
+            robot.flagellum.phase_deg = [0, 1].map(|_| 360.0 * random.uniform());
             (robot, if i % 4 == 3 { published[i / 4 % published.len()] } else { drawn })
         })
         .collect();
@@ -285,15 +319,7 @@ fn shares_of_speeds() {
             println!("\n{way:?}, {length_s} s");
             for (regime, told) in told(&truths, way, &parts_s) {
                 let count = told.errors_rpm.len();
-                let [middle, most] =
-                    [count / 2, count.max(1) - 1].map(|i| told.errors_rpm.get(i).copied().unwrap_or(f64::NAN));
-                println!(
-                    "{regime}: told {} of {}, wrong {}, U holds {} of {count}, error in the median {middle:.4} rpm, at most {most:.4} rpm",
-                    count / 2,
-                    told.asked,
-                    told.wrong,
-                    told.covered
-                );
+                println!("{regime}: {told}");
                 let is_clear = regime == "opposite" || regime == "both unwrap";
                 assert!(told.wrong * 30 <= told.asked, "{way:?}, {regime}");
                 // Of the others few are told, and their lines are pulled.
@@ -314,7 +340,6 @@ fn told(truths: &[Truth], way: Way, parts_s: &[Range<f64>]) -> BTreeMap<&'static
             all.entry(regime(truth.rpm, part_s)).or_default().add(truth, &trace, part_s);
         }
     }
-    all.values_mut().for_each(|told| told.errors_rpm.sort_by(f64::total_cmp));
     all
 }
 
@@ -330,11 +355,23 @@ fn regime(rpm: [f64; 2], part_s: &Range<f64>) -> &'static str {
     }
 }
 
+impl fmt::Display for Told {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { asked, wrong, errors_rpm, covered } = self;
+        let mut errors_rpm = errors_rpm.clone();
+        errors_rpm.sort_by(f64::total_cmp);
+        let count = errors_rpm.len();
+        let [middle, most] = [count / 2, count.max(1) - 1].map(|i| errors_rpm.get(i).copied().unwrap_or(f64::NAN));
+        write!(f, "told {} of {asked}, wrong {wrong}, U holds {covered} of {count}, ", count / 2)?;
+        write!(f, "error in the median {middle:.4} rpm, at most {most:.4} rpm")
+    }
+}
+
 impl Told {
     fn add(&mut self, truth: &Truth, trace: &Trace, part_s: &Range<f64>) {
         let rpm = truth.rpm.map(|rpm| rpm * trace.speed(part_s));
         self.asked += 1;
-        let Ok(speeds) = blind::speeds(&trace.angles_deg, part_s.clone()) else { return };
+        let Ok(speeds) = blind::speeds(&trace.angles_deg, part_s.clone(), None) else { return };
         let errors = [0, 1].map(|k| (speeds[k].0 - rpm[k]).abs());
         if errors.iter().any(|error| *error > 1.0) {
             self.wrong += 1;
@@ -360,27 +397,19 @@ fn a_population_is_told_and_not_doubted() {
         let one = |(i, truth): (usize, &Truth)| {
             let trace = Trace::of(truth, ways[i % ways.len()], 5000 + i as u64);
             let nominal = if trace.is_import { 1.02 } else { 1.0 } * trace.speed(&part_s);
-            let label = trace.label(truth.rpm.map(|rpm| rpm * nominal), part_s.clone());
-            let mut told = Told::default();
-            told.add(truth, &trace, &part_s);
-            (regime(truth.rpm, &part_s), format!("{:?}, {:?}: {label:?}", truth.rpm, ways[i % ways.len()]), label, told)
+            (trace.label(truth.rpm.map(|rpm| rpm * nominal), part_s.clone()), trace)
         };
+        let labels: Vec<(Label, Trace)> = truths[..count].par_iter().enumerate().map(one).collect();
         let (mut all, mut alarms): (BTreeMap<_, Told>, _) = (BTreeMap::new(), 0);
-        for (regime, text, label, told) in truths[..count].par_iter().enumerate().map(one).collect::<Vec<_>>() {
+        for (i, (truth, (label, trace))) in truths.iter().zip(&labels).enumerate() {
             if matches!(label, Label::Wrong(_) | Label::HardlySwings(_)) {
                 alarms += 1;
-                println!("{name}: {text}");
+                println!("{name}: {:?}, {:?}: {label:?}", truth.rpm, ways[i % ways.len()]);
             }
-            let of = all.entry(regime).or_default();
-            (of.asked, of.wrong, of.covered) =
-                (of.asked + told.asked, of.wrong + told.wrong, of.covered + told.covered);
-            of.errors_rpm.extend(told.errors_rpm);
+            all.entry(regime(truth.rpm, &part_s)).or_default().add(truth, trace, &part_s);
         }
         println!("\n{count} {name}: false alarms {alarms}");
-        for (regime, Told { asked, wrong, covered, errors_rpm }) in &all {
-            let speeds = errors_rpm.len();
-            println!("{regime}: told {} of {asked}, wrong {wrong}, U holds {covered} of {speeds}", speeds / 2);
-        }
+        all.iter().for_each(|(regime, told)| println!("{regime}: {told}"));
         assert!(alarms <= most, "{alarms}");
     }
 }

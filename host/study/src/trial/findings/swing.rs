@@ -72,7 +72,9 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
         true => OFF,
         false => OFF_OF_IMPORT,
     };
-    let told_rpm = (!data.is_blind()).then(|| steady.measured(&zeroed.angles_deg)).and_then(SwingSpeeds::rpm);
+    // Those without encoders are asked for while they are measured.
+    let told = if data.is_blind() { steady.measured.get() } else { Some(steady.measured(&zeroed.angles_deg)) };
+    let told_rpm = told.and_then(SwingSpeeds::rpm);
     Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone })
 }
 

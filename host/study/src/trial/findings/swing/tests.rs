@@ -3,7 +3,7 @@
 //! Some robots are softer, or their fluid thicker, than the file of the import says; some speeds wander.
 
 use crate::attitude::Unwrap;
-use crate::swing::tests::{RATE_HZ, Truth, quick};
+use crate::swing::tests::{RATE_HZ, Random, Truth, quick};
 use crate::trial::Judged;
 use crate::trial::findings::frame::tests::judged;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -34,19 +34,6 @@ const PAIRS: [[f64; 2]; 14] = [
     [41.7, 41.7],
     [-27.4, 58.6],
 ];
-
-struct Random(u64, u64);
-
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.1 += 1;
-        sim::split_mix::uniform(self.0, self.1)
-    }
-
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
 
 struct Motion {
     truth: Truth,
