@@ -141,8 +141,8 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok().filter(|own| data.records.import.is_some() && !own.touches)?;
     let angles_deg = modelled(data.robot().ok()?, own.rpm)?;
     let model = Labelled { angles_deg: &angles_deg, settled_s: MODELLED_S, ..own.clone() };
-    let deg = turned_deg(&model, &own)?;
-    if deg.abs() > TURNED_DEG {
+    let turned_deg = turned_deg(&model, &own);
+    if let Some(deg) = turned_deg.filter(|deg| deg.abs() > TURNED_DEG) {
         let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
         let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
         let frames = [
@@ -156,8 +156,9 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
             frame::as_if(&causes)
         ));
     }
-    // A turn has other shares of pitch and roll.
-    let (angle, factor) = scaled(&model, &own).filter(|_| deg.abs() < TURNED_DEG / 2.0)?;
+    // A turn has other shares of pitch and roll, but not of the yaw.
+    let (angle, factor) =
+        scaled(&model, &own).filter(|(angle, _)| turned_deg.map_or(*angle == 0, |deg| deg.abs() < TURNED_DEG / 2.0))?;
     let angle = ["yaw", "pitch", "roll"][angle];
     Some(format!(
         "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale"
