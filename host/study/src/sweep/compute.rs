@@ -114,13 +114,13 @@ impl Steady {
         }
     }
 
-    /// Returns whether all values are numbers, but for the angles of a robot that overturned.
     /// Returns whether every quantity has its value, its spread and its error.
     pub fn is_whole(&self) -> bool {
         let columns = columns(FLAGELLA).count();
         [self.values.len(), self.spreads.len(), self.standard_errors.len()] == [columns; 3]
     }
 
+    /// Returns whether all values are numbers, but for the angles of a robot that overturned.
     fn is_finite(&self) -> bool {
         let is_overturned = self.kind == Kind::Overturned;
         self.values.iter().chain(&self.spreads).all(|v| v.is_finite() || is_overturned && v.is_nan())

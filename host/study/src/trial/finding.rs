@@ -32,7 +32,7 @@ pub(super) enum Gravity {
     Warning,
     /// The user must know of it, but the uncertainties of the angles hold.
     Loss,
-    /// The numbers take it into account, for instance by an unknown uncertainty.
+    /// The user should know of it. The numbers hold, or their uncertainty is stated as unknown.
     Note,
 }
 
@@ -47,7 +47,7 @@ pub struct Finding {
     pub cure: String,
     /// Whether the trial's numbers may be wrong; commands then exit with 3.
     pub grave: bool,
-    /// Whether the uncertainties hold nevertheless, because the loss does not affect the angles.
+    /// Whether the uncertainties of the angles hold nevertheless.
     #[serde(skip)]
     spares_angles: bool,
 }
@@ -89,7 +89,7 @@ impl Finding {
         Self::new(kind, Gravity::Loss, text, cure)
     }
 
-    /// Creates a finding that the numbers already take into account.
+    /// Creates a finding that leaves the numbers and their uncertainties as they are.
     pub(crate) fn slight(kind: FindingKind, text: impl Into<String>, cure: &str) -> Self {
         Self::new(kind, Gravity::Note, text, cure)
     }

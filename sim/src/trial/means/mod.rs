@@ -4,11 +4,11 @@
 //!
 //! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with its
 //!   standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
-//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]; of a run that is not, the means are what a slow
-//!   approach has reached, and their standard errors those of its end. No standard error is below that of the solver, and
-//!   flagella that mesh have one for what they do over minutes. Speeds whose ratio is nearly simple ([`ratio::slips`])
-//!   have neither: the means are those of the phases that have passed, and nothing shows the others. A run shorter than two windows of [`WINDOW`] shows
-//!   no slow approach; it has the means of the other rule, without a standard error.
+//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]. Of a run that is not settled, the means are what a
+//!   slow approach has reached, and the standard errors those of its end. No standard error is below that of the solver, and
+//!   flagella that mesh have one for what they do over minutes. At speeds whose ratio is nearly simple ([`ratio::slips`]) the
+//!   means are those of the phases that have passed, without standard errors: nothing shows the other phases. A run shorter
+//!   than two windows of [`WINDOW`] shows no slow approach; it has the means of the other rule, without a standard error.
 //! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over time
 //!   in the window, by trapezia. The run is settled when yaw, pitch and roll of the window agree with those of the window
 //!   before.

@@ -39,12 +39,12 @@ pub(super) struct Section {
 pub(super) struct Rule {
     kind: FindingKind,
     gravity: Gravity,
-    /// The remedy; empty if there is none, `None` if it follows a colon in the text.
+    /// The remedy; empty if there is none. `None`: the text of the test ends with a colon and the remedy.
     cure: Option<&'static str>,
     test: Test,
 }
 
-/// Returns what is wrong, in words; nothing if all is well.
+/// A function that returns what is wrong, in words; nothing if all is well.
 #[derive(Clone, Copy, Debug)]
 enum Test {
     One(One),
@@ -54,7 +54,7 @@ enum Test {
 
 type One = fn(&Data, &Zeroed) -> Option<String>;
 
-/// Or why the trial cannot be judged by it.
+/// The error says why a trial cannot be judged.
 type Law = fn(&Data, &Zeroed) -> Result<Option<String>, &'static str>;
 
 impl Rule {
@@ -80,7 +80,7 @@ impl Rule {
         Self::new(kind, Gravity::Note, cure, test)
     }
 
-    /// Creates a row for a trial whose numbers may be wrong by a law that not every trial has the data for.
+    /// Creates a row for a warning that needs data which not every trial has.
     const fn law(kind: FindingKind, cure: &'static str, test: Law) -> Self {
         Self { kind, gravity: Gravity::Warning, cure: Some(cure), test: Test::Law(test) }
     }
@@ -102,7 +102,7 @@ impl Rule {
     }
 }
 
-/// Returns the findings about a trial by a table, and why a measured trial cannot be judged by all of its laws.
+/// Returns the findings of a table about a trial, and why some of its laws cannot judge a measured trial.
 pub(super) fn all(table: &[Section], data: &Data, zeroed: &Zeroed) -> (Vec<Finding>, Vec<&'static str>) {
     let (mut found, mut not_judged) = (data.identity.clone(), Vec::new());
     for rule in table.iter().filter(|section| (section.is_judged)(data)).flat_map(|section| section.rules) {
