@@ -125,9 +125,9 @@ expect 0 settings --new --port "$port"
 expect 3 record "$deep/plan.toml" --port "$port" --out "$deep/rec"
 expect 3 report "$deep/rec"
 expect 3 export "$deep/rec"
-$biflag info "$deep/rec" > linux || [ $? = 3 ]
+$biflag info "$deep/rec" > by-linux || [ $? = 3 ]
 expect 3 info "$deep/rec"
-cmp linux output
+cmp by-linux output
 expect 3 simulate "$deep/plan.toml"
 expect 3 simulate plan.toml
 [ -d session-con ] && [ -d a-b ]
