@@ -55,7 +55,7 @@ fn solved_states_are_those_that_trials_end_in() {
         // No common period: means over both motor angles.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating),
         // There are two stable motions, with yaws of -82.65 and -80.02 degrees; a trial ends in the second one.
-        ([80.66, 0.0], [0.0, 0.0], Kind::Steady),
+        ([80.66, 0.0], [0.0, 0.0], Kind::Beating),
         // Here with yaws of 78.61 and 74.32 degrees.
         ([-60.0, 0.0], [0.0, 0.0], Kind::Beating),
         // The motion that a search finds is none that a trial ends in.

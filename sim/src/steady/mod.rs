@@ -180,7 +180,7 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     };
     match shoot(problem, watch)? {
         Outcome::Found(found) => {
-            let Found { trial, before, distance, samples, unmoved } = *found;
+            let Found { trial, before, distance, samples, unmoved, coarse, ordinary } = *found;
             let mut simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
             set_errors(&mut summary.steady, &before, distance);
@@ -188,8 +188,9 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             summary.steady.raise_errors(summary.largest_contact_n > 0.0);
             if let Some(unmoved) = unmoved {
                 let before_s = simulated_s - unmoved.time;
+                let watch_witness = |time: f64| watch(before_s + time);
                 let (witness, agrees) =
-                    witness::agrees(&trial, unmoved, &summary.steady, rpm, start_rad, &|time| watch(before_s + time))?;
+                    witness::agrees(problem, &trial, [&coarse, &ordinary], unmoved, &summary.steady, &watch_witness)?;
                 simulated_s = before_s + witness.state().time;
                 if !agrees {
                     // No step has moved the witness: it is the trial's own path. What is left of it must hold some windows.

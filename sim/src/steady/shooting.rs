@@ -29,7 +29,7 @@ const COARSE_TOLERANCE: f64 = 5.0;
 const LARGEST_TOLERANCE: f64 = 0.05;
 /// Tolerance of a step's iteration in the last periods, over the ordinary one: what every step of a period misses by adds up
 /// over the time in which a slow mode decays.
-const FINE_TOLERANCE: f64 = 0.25;
+const FINE_TOLERANCE: f64 = 0.5;
 /// Time between samples of the slow coordinates, s, about.
 const SAMPLE_S: f64 = 0.5;
 /// Samples that are left out after a start from rest or a move: fast modes are still in them.
@@ -45,8 +45,10 @@ const LONGEST: f64 = 5.0 * PI / 180.0;
 const DIFFERENCE: f64 = 0.7;
 /// ... and by half of it.
 const LARGEST_DIFFERENCE: f64 = 0.85;
-/// A step shorter than this, rad, ends the coarse periods, whose own error is of this size, and the ordinary ones.
-const CLOSE: f64 = 1.0 * PI / 180.0;
+/// A step shorter than this, rad, ends the coarse periods, whose own error is of this size.
+pub const CLOSE: f64 = 1.0 * PI / 180.0;
+/// A step shorter than this, rad, ends the ordinary periods.
+const VERY_CLOSE: f64 = 0.5 * PI / 180.0;
 
 /// How a search ends.
 pub enum Outcome {
@@ -70,12 +72,16 @@ pub struct Found {
     pub samples: Vec<Sample>,
     /// The state before the first step, where a step may have led to another motion than the trial's: the flagella have touched.
     pub unmoved: Option<State>,
+    /// Settings of coarse periods.
+    pub coarse: SolverSettings,
+    /// Settings of periods that are as accurate as a trial.
+    pub ordinary: SolverSettings,
 }
 
 /// Searches for the motion that repeats.
 ///
 /// Most of the search needs no great accuracy. Periods in which the flagella touch have coarse steps, at about half the
-/// cost, until the motion is close; from there on all periods are more accurate than those of a trial.
+/// cost, until the motion is close. Where it is very close, all periods are more accurate than those of a trial.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
@@ -133,15 +139,14 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             {
                 let (distance, samples) = (distance.max(assumed), output.unwrap_or_default());
                 let unmoved = unmoved.filter(|_| has_touched);
-                // The witness is as accurate as a trial.
-                trial.set_accuracy(&ordinary);
-                return Ok(Outcome::Found(Box::new(Found { trial, before, distance, samples, unmoved })));
+                let found = Found { trial, before, distance, samples, unmoved, coarse, ordinary };
+                return Ok(Outcome::Found(Box::new(found)));
             }
             if simulated_s + period > patience_s {
                 return Ok(Outcome::Lost(Box::new(trial)));
             }
             let is_close = distance < CLOSE;
-            is_fine |= is_close;
+            is_fine |= distance < VERY_CLOSE;
             let longest = LONGEST.min((end - from).amax() / (1.0 - exp(-period / SLOWEST_S)));
             let difference = attitude(&(newton - step)) / distance;
             let share = trusted(distance, longest, difference, is_coarse && is_close).filter(|_| is_stable);
