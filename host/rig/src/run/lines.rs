@@ -83,7 +83,7 @@ pub fn measure(
             if result.turns_back[motor] {
                 std::mem::swap(&mut forwards, &mut backwards);
             }
-            result.lines.motor[motor] = Line { forwards, backwards };
+            result.lines.motor[motor] = Line { forwards, backwards, more: 0.0 };
         }
         Ok(result)
     })
