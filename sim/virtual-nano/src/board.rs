@@ -91,6 +91,7 @@ impl Board {
             motors: kind.motors.map(Motor::new),
             supply: kind.supply,
             motors_swapped: false,
+            shaking_dps: 0.0,
             motors_at_s: 0.0,
             encoders: [1, 2].map(|motor| Encoder::new(options.seed ^ motor << 32)),
             coupling: Coupling::default(),
@@ -277,6 +278,8 @@ pub struct Rig {
     /// Their supply.
     pub supply: Supply,
     motors_swapped: bool,
+    /// By how much the gears shake the sensor, °/s.
+    pub shaking_dps: f64,
     /// The time up to which the motors have turned, s.
     motors_at_s: f64,
     /// Encoders 1 and 2.
@@ -314,6 +317,7 @@ impl Rig {
             motor.advance(passed_s);
         }
         self.motors_at_s = now_s;
+        self.imu.source.shaken_dps = self.shaking_dps * self.motors.iter().map(Motor::shaking).sum::<f64>();
         if let Some(plant) = self.imu.source.plant_mut() {
             plant.follow(now_s, &self.motors);
         }

@@ -153,6 +153,12 @@ const OTHERS: &[Kind] = &[
     Kind("motors-swapped", &[], "the bridge's outputs are swapped, the encoders are not", |board, _| {
         board.swap_motors(true);
     }),
+    Kind(
+        "shaking",
+        &[("DPS", 1.0, [0.0, 100.0])],
+        "the gears shake the sensor by DPS degrees per second, once a turn of each motor's own shaft and at its multiples",
+        |board, [dps, ..]| board.rig_mut().shaking_dps = dps,
+    ),
     Kind("motor-supply-off", &[], "the supply of the motors is off", |board, _| {
         board.rig_mut().motors.iter_mut().for_each(|motor| motor.powered = false);
     }),

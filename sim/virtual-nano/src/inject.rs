@@ -30,6 +30,7 @@ impl Board {
             motor.powered = true;
         }
         self.rig_mut().supply.forced_v = None;
+        self.rig_mut().shaking_dps = 0.0;
         self.swap_motors(false);
         self.rig_mut().coupling.cable = None;
         self.change_imu(|imu| {

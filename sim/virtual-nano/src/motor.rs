@@ -12,7 +12,10 @@ use std::f64::consts::{PI, TAU};
 
 /// Encoder counts per turn of the flagellum: 12 edges of both channels per motor turn, gear of 100.37 (the published
 /// robot).
-pub const COUNTS_PER_TURN: f64 = 12.0 * 100.37;
+pub const COUNTS_PER_TURN: f64 = 12.0 * GEAR;
+
+/// Turns of a motor's own shaft in a turn of its flagellum.
+pub const GEAR: f64 = 100.37;
 
 /// Longest step of the model, s. The speed is taken as constant within it: 1/160 of the time constant.
 pub const STEP_S: f64 = 0.5e-3;
@@ -140,6 +143,13 @@ impl Motor {
     /// Returns the angle of the flagellum since the start, rad.
     pub fn angle_rad(&self) -> f64 {
         (self.counts - START_COUNTS) / COUNTS_PER_TURN * TAU
+    }
+
+    /// Returns how its gear shakes while it turns: once a turn of its own shaft, and as much at the multiples, which a reader at
+    /// 200 Hz folds among the swings of flagella.
+    pub fn shaking(&self) -> f64 {
+        let shaking = |multiple: i32| (f64::from(multiple) * self.angle_rad() * GEAR).cos();
+        if self.speed_rpm == 0.0 { 0.0 } else { (1..=6).map(shaking).sum() }
     }
 
     /// Returns the whole encoder counts (edges of both channels) since the start.

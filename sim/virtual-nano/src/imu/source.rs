@@ -40,6 +40,8 @@ pub struct Source {
     pub part: Part,
     /// A turn about z beside everything else, °/s.
     pub spin_dps: f64,
+    /// A turn about all axes at once beside everything else, °/s.
+    pub shaken_dps: f64,
 }
 
 /// A table that turns about the vertical, with the sensor fixed to it.
@@ -67,7 +69,7 @@ impl Source {
     fn new(kind: Kind, errors: Errors, seed: u64) -> Self {
         // A sequence of its own: the numbers of the errors would show in the first noise.
         let noise = Noise::new(seed ^ 0x4E4F_4953_4500_0000);
-        Self { kind, noise, part: Part::new(errors), spin_dps: 0.0 }
+        Self { kind, noise, part: Part::new(errors), spin_dps: 0.0, shaken_dps: 0.0 }
     }
 
     /// Returns a sensor that lies still, z up, at its final temperature, with biases from the seed.
@@ -135,7 +137,7 @@ impl Source {
 
     /// Returns the sample at this time of the board, with these settings of the part.
     pub fn read(&mut self, time_s: f64, gyro: Range, accel: Range, low_pass: LowPass) -> Readout {
-        let Self { kind, noise, part, spin_dps } = self;
+        let Self { kind, noise, part, spin_dps, shaken_dps } = self;
         let (signal, is_noisy) = match kind {
             Kind::Hand(hand) => (part.measure(&hand.movement(time_s - low_pass.delay_s), time_s, noise), true),
             Kind::Turntable(table) => (part.measure(&table.movement(time_s), time_s, noise), true),
@@ -159,7 +161,7 @@ impl Source {
         };
         let [x, y, z] = signal.rate_dps;
         let add = |values: [f64; 3], noise: [f64; 3]| std::array::from_fn(|i| values[i] + noise[i]);
-        let rate_dps: [f64; 3] = add([x, y, z + *spin_dps], gyro_noise);
+        let rate_dps: [f64; 3] = add([x, y, z + *spin_dps].map(|dps| dps + *shaken_dps), gyro_noise);
         let force_g: [f64; 3] = add(signal.force_g, accel_noise);
         Readout {
             accel: force_g.map(|g| counts(g * accel.counts_per_unit)),

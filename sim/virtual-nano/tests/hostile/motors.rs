@@ -166,6 +166,21 @@ fn a_gear_that_sticks_is_no_fault_and_turns_in_the_end() {
 }
 
 #[test]
+fn a_gear_that_shakes_the_sensor_is_no_fault() {
+    let mut host = asked_with("shaking=1", [60.0, 0.0]);
+    host.run_linked_ms(3000);
+    let first = host.telemetry.len();
+    let speeds = watch(&mut host, 0, 60.0, 2000);
+    let z_dps = host.telemetry[first..].iter().map(|(_, frame)| f64::from(frame.gyro[2].0) / 131.0);
+    let shaking_dps = (z_dps.map(|dps| dps * dps).sum::<f64>() / (host.telemetry.len() - first) as f64).sqrt();
+    let speed = format!("{:.2} rpm, the gyroscope reads {shaking_dps:.1} deg/s", speeds.mean);
+    row("gears shake the sensor, 60 rpm asked", speed, "60 +- 1 rpm, 1.7 deg/s");
+    assert!((speeds.mean - 60.0).abs() < 1.0 && host.fault() == Fault::None, "{:?}", host.fault());
+    // Six multiples of 1 deg/s, and what the sensor is off.
+    assert!((1.2..3.0).contains(&shaking_dps), "{shaking_dps} deg/s");
+}
+
+#[test]
 fn a_reversal_is_no_fault() {
     for [from, to] in [[60.0, -60.0], [90.0, -90.0], [-90.0, 20.0], [90.0, 0.0]] {
         let mut host = turning([from, -from]);
