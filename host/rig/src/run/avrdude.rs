@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-use system::avrdude::{self, CURE};
+use system::avrdude::{self, PACKAGE};
 use system::children::lines;
+use system::shell::INSTALL;
 use thiserror::Error;
 
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
@@ -35,7 +36,7 @@ const LAST_LINES: Duration = Duration::from_secs(1);
 pub enum FlashError {
     /// avrdude is not installed.
     #[error("avrdude is not installed")]
-    #[diagnostic(help("install it with `{CURE}`"))]
+    #[diagnostic(help("install it with `{INSTALL} {PACKAGE}`"))]
     NotInstalled,
     /// avrdude could not be run.
     #[error("avrdude could not be run: {0}")]

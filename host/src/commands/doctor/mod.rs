@@ -14,6 +14,8 @@ use crate::run::rig::{ImageError, VirtualError, VirtualNano, repository};
 use check::{Check, Finding, answer, check, problem};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use system::avrdude;
+use system::shell::INSTALL;
 
 /// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
 #[derive(clap::Args, Debug)]
@@ -61,7 +63,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let tools = [
         ("biflag", Ok(format!("{FULL_VERSION}, protocol {}", protocol::VERSION))),
         firmware_source(),
-        ("avrdude", avrdude()),
+        ("avrdude", installed_avrdude()),
         ("emulated board", emulated_board()),
     ];
     let mut checks: Vec<Check> = tools.into_iter().map(|(name, finding)| check(name.into(), finding)).collect();
@@ -100,11 +102,11 @@ fn toolchain(repository: &Path) -> Finding {
     }
 }
 
-fn avrdude() -> Finding {
-    let output = system::avrdude::command()
+fn installed_avrdude() -> Finding {
+    let output = avrdude::command()
         .arg("-?")
         .output()
-        .map_err(|_| ("not installed".to_owned(), system::avrdude::CURE.to_owned()))?;
+        .map_err(|_| ("not installed".to_owned(), format!("{INSTALL} {}", avrdude::PACKAGE)))?;
     let said = String::from_utf8_lossy(&output.stderr);
     let version = said.lines().find_map(|line| line.split_once("avrdude version ")?.1.split(',').next());
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))

@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
-/// How to get it.
-pub const CURE: &str = if cfg!(target_os = "macos") { "brew install avrdude" } else { "sudo apt install avrdude" };
+/// Its name for the system's installer ([`crate::shell::INSTALL`]).
+pub const PACKAGE: &str = "avrdude";
 
 /// Returns the program, which is on the `PATH` if it is installed.
 pub fn command() -> Command {

@@ -5,8 +5,8 @@ use std::fs::read_dir;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// How to get it.
-pub const CURE: &str = "winget install AVRDudes.AVRDUDE";
+/// Its name for the system's installer ([`crate::shell::INSTALL`]).
+pub const PACKAGE: &str = "AVRDudes.AVRDUDE";
 
 /// The folders of the Arduino IDE, below those that the variables name: of version 2, whose avrdude has a folder for each of
 /// its own versions, and of version 1.
