@@ -17,6 +17,9 @@ const MEDDLERS: [(&str, &str, &str); 2] = [
     ),
 ];
 
+/// Whether they are looked for on this system.
+pub const ARE_LOOKED_FOR: bool = cfg!(target_os = "linux");
+
 /// Returns what each that runs does to a board, and how to end that.
 pub fn running() -> Vec<(&'static str, &'static str)> {
     among(Path::new("/proc"))

@@ -15,6 +15,7 @@ use check::{Check, Finding, answer, check, problem};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use system::avrdude;
+use system::meddlers;
 use system::shell::INSTALL;
 
 /// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
@@ -112,10 +113,10 @@ fn installed_avrdude() -> Finding {
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
 }
 
-/// Returns a finding for each program that takes serial ports away, or writes to them.
+/// Returns a finding for each program that takes serial ports away, or writes to them; none at all where nobody looks for them.
 fn other_programs() -> Vec<Finding> {
-    let found = system::meddlers::running();
-    let none = found.is_empty().then(|| Ok("none that takes serial ports".into()));
+    let found = meddlers::running();
+    let none = (meddlers::ARE_LOOKED_FOR && found.is_empty()).then(|| Ok("none that takes serial ports".into()));
     found.into_iter().map(|(detail, cure)| Err((detail.into(), cure.into()))).chain(none).collect()
 }
 
