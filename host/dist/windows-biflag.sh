@@ -10,4 +10,8 @@ for word; do
     esac
     set -- "$@" "$word"
 done
-exec wine "$BIFLAG_EXE" "$@"
+# A recording is killed by its process.
+[ "$1" != record ] || exec wine "$BIFLAG_EXE" "$@"
+rm -f exit-code
+wine "$BIFLAG_HELPER" run exit-code "$BIFLAG_EXE" "$@"
+exit "$(cat exit-code)"

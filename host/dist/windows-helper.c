@@ -1,10 +1,28 @@
-// What the test of biflag.exe needs of other programs of Windows. "hold FILE MS" has a file open as soon as it is there, for so
-// long, as most programs have: nobody may rename or remove it. "event NUMBER" tells each biflag.exe what a console tells: 1 is Ctrl-Break, 2 that it closes. "steer" is a
-// policy of `biflag steer`. As avrdude.exe, it writes its arguments into a file, and has a script do the work.
+// What the test of biflag.exe needs of other programs of Windows. "run FILE PROGRAM ..." leaves the program's exit code in a file.
+// "hold FILE MS" has a file open as soon as it is there, for so long, as most programs have: nobody may rename or remove it. "event
+// NUMBER" tells each biflag.exe what a console tells: 1 is Ctrl-Break, 2 that it closes. "steer" is a policy of `biflag steer`. As
+// avrdude.exe, it writes its arguments into a file, and has a script do the work.
 #include <stdio.h>
 #include <string.h>
 #include <windows.h>
 #include <tlhelp32.h>
+
+// Wine kills the Unix process of a program that has ended in Windows if it takes half a second longer, as it does on a busy computer:
+// then `wine` ends with 137 instead of the program's exit code.
+static int run(const char *name, wchar_t *line) {
+    STARTUPINFOW start = {.cb = sizeof start, .dwFlags = STARTF_USESTDHANDLES, .hStdInput = GetStdHandle(STD_INPUT_HANDLE),
+                          .hStdOutput = GetStdHandle(STD_OUTPUT_HANDLE), .hStdError = GetStdHandle(STD_ERROR_HANDLE)};
+    PROCESS_INFORMATION started;
+    DWORD code;
+    if (!CreateProcessW(NULL, line, NULL, NULL, TRUE, 0, NULL, NULL, &start, &started))
+        return 1;
+    WaitForSingleObject(started.hProcess, INFINITE);
+    GetExitCodeProcess(started.hProcess, &code);
+    FILE *file = fopen(name, "w");
+    fprintf(file, "%lu", code);
+    fclose(file);
+    return 0;
+}
 
 static int hold(const char *name, int ms) {
     DWORD all_but_delete = FILE_SHARE_READ | FILE_SHARE_WRITE;
@@ -62,6 +80,8 @@ int main(int count, char **words) {
     GetModuleFileNameA(NULL, own, sizeof own);
     if (strstr(own, "avrdude.exe"))
         return avrdude(own);
+    if (count > 3 && !strcmp(words[1], "run"))
+        return run(words[2], wcschr(wcsstr(GetCommandLineW(), L" run ") + 5, ' ') + 1);
     if (count == 4)
         return hold(words[2], atoi(words[3]));
     return count == 3 ? event(atoi(words[2])) : steer();
