@@ -107,6 +107,12 @@ for folder in "$ide/tools/avrdude/8.0/bin" "$scratch/tools" "${exe%/*}"; do
 done
 cat avrdude.txt
 grep -c . avrdude.txt | grep -qx 3
+expect 0 doctor --port "$port"
+grep -q "other programs" output && exit 1
+expect 0 doctor --motors --yes --port "$port"
+expect 0 sensor still 30 --port "$port" -o sensor.toml
+printf 'ff+\n2b\nok\n' > keys
+expect 0 align --port "$port" < keys
 board idle new --bootloader old
 AVRDUDE_SCRIPT="$root/host/dist/windows-avrdude.sh" expect 0 flash --port "$port"
 says "written at 57600 bit/s to m328p"

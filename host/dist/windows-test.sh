@@ -114,6 +114,22 @@ unzip -tq wine.zip
 head -c 60000 wine/001_w1+50_w2+10.mcap > cut.mcap
 expect 3 recover cut.mcap
 expect 3 info cut.recovered.mcap
+for words in plans resistance "completions powershell" "new new.toml" "plan check new.toml" "doctor wine"; do
+    expect 0 $words
+done
+wine "$exe" live wine/001_w1+50_w2+10.mcap --listen 127.0.0.1:0 > served 2>&1 &
+viewed=$!
+until grep -q waiting served; do sleep 0.1; done
+python3 - "$(sed -n 's,^live at ws://127.0.0.1:\([0-9]*\):.*,\1,p' served)" << 'END'
+import socket, sys
+with socket.create_connection(("127.0.0.1", int(sys.argv[1])), 10) as viewer:
+    viewer.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+                   b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n")
+    assert viewer.recv(4096).startswith(b"HTTP/1.1 101"), "no viewer can connect"
+END
+kill -INT $viewed
+wait $viewed || [ $? = 130 ]
+echo "ok: biflag live"
 
 . "$root/host/dist/windows-bench.sh"
 echo "All of this works under Wine, in $(($(date +%s) - begun)) s."
