@@ -65,6 +65,12 @@ const AGREED_DEG: f64 = 30.0;
 /// Beats of both motors over which a swing has a mean.
 const BEATS: f64 = 2.0;
 
+/// A side whose power, over that of the other side, is less than the model's by this factor has lost a motor.
+const SIDED: f64 = 8.0;
+
+/// The least share of a side to which a motor turns.
+const LEAST_SIDE: f64 = 0.25;
+
 /// A swing that is larger or smaller than another by this factor has another scale.
 const SCALED: f64 = 1.5;
 
@@ -99,6 +105,17 @@ pub struct Labelled<'a> {
 impl Labelled<'_> {
     fn fastest_rpm(&self) -> f64 {
         self.rpm[0].abs().max(self.rpm[1].abs())
+    }
+
+    /// Returns whether its speeds may be each other's, or opposite to each other's.
+    fn may_be_alike(&self) -> bool {
+        let apart_rpm = (self.rpm[0].abs() - self.rpm[1].abs()).abs();
+        apart_rpm < 3.0 * (self.off.0 * self.fastest_rpm() + self.off.1)
+    }
+
+    /// Returns whether no motor can be told by its speed.
+    pub fn is_vague(&self) -> bool {
+        self.may_be_alike() && self.off.0 > WELL_KNOWN
     }
 
     /// Returns whether a cause is no more than a right label may be off.
@@ -173,12 +190,11 @@ struct Doubts {
 impl Doubts {
     fn of(trial: &Labelled, motion: &Motion) -> Self {
         let near = |rpm: [f64; 2]| is_near(rpm, motion.length_s);
-        let apart_rpm = (trial.rpm[0].abs() - trial.rpm[1].abs()).abs();
         Self {
             length_s: motion.length_s,
             are_near: near(trial.rpm),
             are_alike: near(trial.rpm.map(f64::abs)),
-            may_be_alike: apart_rpm < 3.0 * (trial.off.0 * trial.fastest_rpm() + trial.off.1),
+            may_be_alike: trial.may_be_alike(),
             is_noisy: motion.angle_variance > NOISY_DEG * NOISY_DEG,
         }
     }
@@ -298,6 +314,34 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     }
 }
 
+/// Returns the causes why the swing of a label's nearly equal speeds turns to other sides than that of its robot's model; `None` if
+/// it does not, or if the motion does not tell. Motors whose speeds may be each other's have only their senses to be told by.
+pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
+    let motion = Motion::of(own.angles_deg, own.settled_s.clone())?;
+    let doubts = Doubts::of(own, &motion);
+    let is_judged = !doubts.is_noisy && own.rpm.iter().all(|rpm| rpm.abs() >= SLOWEST_RPM);
+    let sides = |motion: &Motion| {
+        let reach_rpm = own.fastest_rpm() * own.off.0 + own.off.1;
+        let slowest_rpm = own.rpm[0].abs().min(own.rpm[1].abs());
+        Fitter::new(motion).sides((slowest_rpm - reach_rpm) / 60.0..(own.fastest_rpm() + reach_rpm) / 60.0)
+    };
+    let expected = sides(&Motion::of(model.angles_deg, model.settled_s.clone())?);
+    let turned = Some(sides(&motion)).filter(|_| is_judged)?;
+    let falls_short = |side: usize| turned[side] * expected[1 - side] * SIDED < expected[side] * turned[1 - side];
+    let weak = (0..2).find(|&side| falls_short(side))?;
+    let is_of = |side: usize, k: usize| (own.rpm[k] > 0.0) == (side == 0);
+    let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
+    match (0..2).find(|&k| is_of(weak, k)) {
+        // Two motors of one sense whose lines fall together may swing against each other.
+        Some(_) if is_of(weak, 0) == is_of(weak, 1) => {
+            let has_both = turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]);
+            (has_both && !doubts.are_near).then(|| vec![of_one(0), of_one(1)])
+        }
+        Some(k) => Some(vec![Cause::Stands(k), of_one(k)]),
+        None => None,
+    }
+}
+
 /// Returns which angle swings how many times as much beside the others as that of another motion of one robot: yaw, pitch or roll
 /// (0 to 2); `None` if none does, or if noise or a beat of both motors hides it.
 pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
@@ -333,7 +377,7 @@ impl Readings<'_> {
     /// Returns the causes that explain the motion better than the label by a margin, the best one first.
     fn better_than(&self, label: f64, doubts: &Doubts) -> Vec<Better> {
         let trial = self.trial;
-        let is_vague = doubts.may_be_alike && trial.off.0 > WELL_KNOWN;
+        let is_vague = trial.is_vague();
         let is_blurred = doubts.is_noisy || is_vague || doubts.may_be_alike && doubts.length_s < 30.0;
         // All roughly, the best exactly.
         let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));

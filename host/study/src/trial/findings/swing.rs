@@ -2,7 +2,9 @@
 
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, wrapped};
-use crate::swing::{Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, scaled, turned_deg};
+use crate::swing::{
+    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, other_sides, scaled, turned_deg,
+};
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
 use crate::trial::data::Data;
@@ -92,7 +94,20 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     if frame::is_wrong(data, zeroed) {
         return Err("the frame of the angles is not that of the body");
     }
-    Ok(label(&labelled(data, zeroed)?))
+    let own = labelled(data, zeroed)?;
+    Ok(match label(&own) {
+        Label::Right if own.is_vague() => by_model(data, &own, other_sides).map_or(Label::Right, Label::Wrong),
+        other => other,
+    })
+}
+
+/// Asks about the swing of an import, beside that of its robot's model.
+fn by_model<T>(data: &Data, own: &Labelled, ask: impl Fn(&Labelled, &Labelled) -> Option<T>) -> Option<T> {
+    if data.records.import.is_none() || own.touches {
+        return None;
+    }
+    let angles_deg = modelled(data.robot().ok()?, own.rpm)?;
+    ask(&Labelled { angles_deg: &angles_deg, settled_s: MODELLED_S, ..own.clone() }, own)
 }
 
 fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
@@ -138,10 +153,8 @@ const NEAR_DEG: f64 = 35.0;
 
 /// Returns what the directions and the sizes of an import's swing, beside those of its robot's model, say of its angles.
 fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
-    let own = labelled(data, zeroed).ok().filter(|own| data.records.import.is_some() && !own.touches)?;
-    let angles_deg = modelled(data.robot().ok()?, own.rpm)?;
-    let model = Labelled { angles_deg: &angles_deg, settled_s: MODELLED_S, ..own.clone() };
-    let turned_deg = turned_deg(&model, &own);
+    let own = labelled(data, zeroed).ok()?;
+    let (turned_deg, scaled) = by_model(data, &own, |model, own| Some((turned_deg(model, own), scaled(model, own))))?;
     if let Some(deg) = turned_deg.filter(|deg| deg.abs() > TURNED_DEG) {
         let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
         let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
@@ -158,7 +171,7 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     }
     // A turn has other shares of pitch and roll, but not of the yaw.
     let (angle, factor) =
-        scaled(&model, &own).filter(|(angle, _)| turned_deg.map_or(*angle == 0, |deg| deg.abs() < TURNED_DEG / 2.0))?;
+        scaled.filter(|(angle, _)| turned_deg.map_or(*angle == 0, |deg| deg.abs() < TURNED_DEG / 2.0))?;
     let angle = ["yaw", "pitch", "roll"][angle];
     Some(format!(
         "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale"

@@ -238,6 +238,35 @@ fn other_order(rows: &Rows, of: impl Fn(Matrix3<f64>) -> [f64; 3]) -> Rows {
     rows.iter().map(row).collect()
 }
 
+/// Motors of nearly equal speeds are told by the senses alone.
+#[test]
+fn a_nearly_equal_motor_that_stood_or_turned_the_other_way_is_named() {
+    let way = Way { rate_hz: 30.0, noise_deg: 0.05, rest_s: 5.0, rest_deg: 40.0, wander: 0.0 };
+    let mut robot = quick();
+    robot.flagellum.phase_deg = [40.0, 210.0];
+    let said = |truth: &Truth, label: [f64; 2]| {
+        let truth = Truth { rpm: label, angles_deg: truth.angles_deg.clone() };
+        let motion = Motion { truth, file: quick(), name: "quick" };
+        let rows = rows(&motion.truth, way);
+        let found = import(&noisy(&rows, way, &mut Random(3, 0)), way, &motion).findings;
+        found.iter().map(|one| one.text.clone()).filter(|text| !text.starts_with("not settled")).collect::<Vec<_>>()
+    };
+    let second = "motor 2 stood, or as if motor 2 turned the other way";
+    let either = "motor 1 turned the other way, or as if motor 2 turned the other way";
+    for (turned, labels) in [
+        ([44.3, 0.0], vec![([44.3, -44.3], second), ([44.3, -42.1], second)]),
+        ([-52.1, 50.4], vec![([52.1, 50.4], either)]),
+        ([52.1, 50.4], vec![([52.1, -50.4], second)]),
+    ] {
+        let truth = Truth::of(&robot, turned, RUN_S + AFTER_S, RUN_S);
+        assert!(said(&truth, turned).is_empty(), "{turned:?}");
+        for (label, cause) in labels {
+            let found = said(&truth, label);
+            assert!(found.iter().any(|text| text.contains(cause)), "{turned:?} as {label:?}: {found:?}");
+        }
+    }
+}
+
 const U_DEG: [f64; 3] = [0.5, 0.3, 0.3];
 
 fn kind_of(text: &str) -> String {
