@@ -50,7 +50,7 @@ printf 'decay = 2\r\n[speeds]\r\npairs = [[50, 10], [0, 45], [-50, 10]]\r\n' >> 
 board control board --firmware "$root/target/firmware.elf" --robot physical
 expect 0 settings --new --port "$port"
 
-# In a terminal, before the motors turn: a note is typed, then Ctrl-C.
+# In a terminal: a note is typed, then Ctrl-C. On a busy computer the line is read late.
 mkfifo typed
 script -qec "wine '$exe' record plan.toml --port $port --out noted" recorded < typed > /dev/null &
 recorder=$!
@@ -58,7 +58,7 @@ exec 5> typed
 until [ -e noted/001_w1+50_w2+10.mcap ]; do sleep 0.1; done
 sleep 1
 printf 'n stirred\r' >&5
-sleep 1
+sleep 4
 printf '\003' >&5
 ends_at_rest 130 "a note and Ctrl-C in a terminal" 0
 exec 5>&-
