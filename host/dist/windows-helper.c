@@ -44,7 +44,8 @@ static int event(int number) {
         HANDLE process = OpenProcess(PROCESS_ALL_ACCESS, FALSE, entry.th32ProcessID);
         told += CreateRemoteThread(process, NULL, 0, routine, (void *)(ULONG_PTR)number, 0, NULL) != NULL;
     }
-    return told == 1 ? 0 : 1;
+    // One that has just ended may still be listed.
+    return told > 0 ? 0 : 1;
 }
 
 static int steer(void) {
