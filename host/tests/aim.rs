@@ -74,7 +74,7 @@ fn speeds_that_are_found_give_the_attitude() {
 
 #[test]
 fn exchanged_motors_lean_the_robot_to_the_other_side() {
-    let (output, json) = biflag(&["--yaw=-67.6", "--tilt", "6.65"]);
+    let (output, json) = biflag(&["--yaw=-67.6", "--tilt", "6.65", "--for", "600"]);
     assert_eq!(output.status.code(), Some(0), "{json}");
     let solutions = json["solutions"].as_array().unwrap();
     let number = |solution: &Value, key: &str| solution[key].as_f64().unwrap();
@@ -132,7 +132,7 @@ fn intervals_are_those_of_the_fit_or_have_no_confidence() {
     let aimed = |text: &str| {
         let robot = folder.path().join("robot.toml");
         std::fs::write(&robot, text).unwrap();
-        let (output, json) = biflag(&["--yaw=-40", "--pitch", "2", "--robot", path(&robot)]);
+        let (output, json) = biflag(&["--yaw=-40", "--pitch", "2", "--for", "600", "--robot", path(&robot)]);
         (output.status.code().unwrap(), json)
     };
     let (_, fitted) = aimed(FITTED);
@@ -176,7 +176,7 @@ fn intervals_are_those_of_the_fit_or_have_no_confidence() {
 fn an_attitude_out_of_reach_is_not_found() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("plan.toml");
-    let (output, json) = biflag(&["--yaw", "0", "--pitch", "60", "-o", path(&out)]);
+    let (output, json) = biflag(&["--yaw", "0", "--pitch", "60", "--for", "600", "-o", path(&out)]);
     assert_eq!(output.status.code(), Some(3), "{json}");
     assert!(json["reachable"] == false && json["unfinished"].as_array().unwrap().is_empty(), "{json:#}");
     assert!(json["solutions"].as_array().unwrap().is_empty() && !out.exists());
