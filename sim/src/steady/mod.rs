@@ -217,10 +217,9 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
 /// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad). A difference may be small
 /// by chance, too: a quantity may stand still between two modes. None is below the solver's own.
 fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
-    let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
     let slowest = 1.0 / (1.0 - exp(-steady.window_s / SLOWEST_S));
     // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
-    let scale = (distance / changes.fold(0.0, f64::max)).min(slowest);
+    let scale = (distance / self::distance(steady, before)).min(slowest);
     let set = |(now, before): (&mut Level, &Level)| {
         // A period in which the robot turned over tells no error.
         now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs()).filter(|error| error.is_finite());
@@ -228,6 +227,11 @@ fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
     steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()).for_each(set);
     steady.axial_torque.iter_mut().zip(&before.axial_torque).for_each(set);
+}
+
+/// Returns the largest difference of the angles of two motions, rad.
+fn distance(one: &Steady, other: &Steady) -> f64 {
+    one.attitude.iter().zip(&other.attitude).map(|(one, other)| (one.mean - other.mean).abs()).fold(0.0, f64::max)
 }
 
 /// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.

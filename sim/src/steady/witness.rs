@@ -10,7 +10,7 @@
 //! accurate as a trial before it is believed.
 
 use super::shooting::CLOSE;
-use super::{Problem, SolveError, Watch, run};
+use super::{Problem, SolveError, Watch, distance, run};
 use crate::V3;
 use crate::functions::exp;
 use crate::params::SolverSettings;
@@ -88,11 +88,6 @@ fn end(path: &[V3], period: f64) -> Option<V3> {
     let kept = (later.dot(&earlier) / earlier.norm_squared().max(f64::MIN_POSITIVE))
         .clamp(0.0, exp(-period / LONGEST_DECAY_S));
     Some(three + later * (kept / (1.0 - kept)))
-}
-
-/// Returns the largest difference of the angles of two motions, rad.
-fn distance(one: &Steady, other: &Steady) -> f64 {
-    one.attitude.iter().zip(&other.attitude).map(|(one, other)| (one.mean - other.mean).abs()).fold(0.0, f64::max)
 }
 
 /// Returns the difference of the angles of two motions, over twice the ± of the second one.

@@ -93,7 +93,7 @@ impl Lines {
                 to_rpm,
                 ranges: self.motor.each_ref().map(Line::to_string),
             })?;
-            duties[motor] = duty.round().max(f64::from(u8::from(wanted_rpm != 0.0))) as u8;
+            duties[motor] = duty.round() as u8;
         }
         Ok(duties)
     }
@@ -131,7 +131,7 @@ impl Line {
         }
         let range = range_rpm(points, self.more);
         let is_told = wanted >= range[0] && wanted <= range[1];
-        if is_told { Ok(curve(points, wanted) * (1.0 + self.more)) } else { Err(range) }
+        if is_told { Ok((curve(points, wanted) * (1.0 + self.more)).max(1.0)) } else { Err(range) }
     }
 }
 

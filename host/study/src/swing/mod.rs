@@ -182,8 +182,6 @@ struct Doubts {
     are_near: bool,
     /// So do those of two motors of any senses.
     are_alike: bool,
-    /// They may, where the label is hardly known: its speeds may be each other's.
-    may_be_alike: bool,
     is_noisy: bool,
 }
 
@@ -194,7 +192,6 @@ impl Doubts {
             length_s: motion.length_s,
             are_near: near(trial.rpm),
             are_alike: near(trial.rpm.map(f64::abs)),
-            may_be_alike: trial.may_be_alike(),
             is_noisy: motion.angle_variance > NOISY_DEG * NOISY_DEG,
         }
     }
@@ -250,14 +247,14 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
     let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
     match hardly_swings(at_the_end, 1.0) {
-        [_, true] if trial.has_yaw_alone && !doubts.may_be_alike => return Some(Label::HardlySwings(Swing::Yaw)),
+        [_, true] if trial.has_yaw_alone && !trial.may_be_alike() => return Some(Label::HardlySwings(Swing::Yaw)),
         _ if trial.has_yaw_alone => return Some(Label::NotJudged("not all angles are measured")),
         [true, true] => return Some(Label::HardlySwings(Swing::Whole)),
         _ => {}
     }
     // The swings of alike motors may cancel in the plane, or about z.
     match hardly_swings(fitter.swing_dps(), ONE_SWING) {
-        _ if doubts.may_be_alike || doubts.are_alike || doubts.is_noisy => None,
+        _ if trial.may_be_alike() || doubts.are_alike || doubts.is_noisy => None,
         [true, _] => Some(Label::HardlySwings(Swing::Tilt)),
         [_, true] => Some(Label::HardlySwings(Swing::Yaw)),
         _ => None,
@@ -319,26 +316,27 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
 pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     let motion = Motion::of(own.angles_deg, own.settled_s.clone())?;
     let doubts = Doubts::of(own, &motion);
-    let is_judged = !doubts.is_noisy && own.rpm.iter().all(|rpm| rpm.abs() >= SLOWEST_RPM);
+    if doubts.is_noisy || own.rpm.iter().any(|rpm| rpm.abs() < SLOWEST_RPM) {
+        return None;
+    }
     let sides = |motion: &Motion| {
         let reach_rpm = own.fastest_rpm() * own.off.0 + own.off.1;
         let slowest_rpm = own.rpm[0].abs().min(own.rpm[1].abs());
         Fitter::new(motion).sides((slowest_rpm - reach_rpm) / 60.0..(own.fastest_rpm() + reach_rpm) / 60.0)
     };
     let expected = sides(&Motion::of(model.angles_deg, model.settled_s.clone())?);
-    let turned = Some(sides(&motion)).filter(|_| is_judged)?;
+    let turned = sides(&motion);
     let falls_short = |side: usize| turned[side] * expected[1 - side] * SIDED < expected[side] * turned[1 - side];
     let weak = (0..2).find(|&side| falls_short(side))?;
-    let is_of = |side: usize, k: usize| (own.rpm[k] > 0.0) == (side == 0);
     let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
-    match (0..2).find(|&k| is_of(weak, k)) {
+    let motors: Vec<usize> = (0..2).filter(|&k| (own.rpm[k] > 0.0) == (weak == 0)).collect();
+    match motors[..] {
+        [k] => Some(vec![Cause::Stands(k), of_one(k)]),
         // Two motors of one sense whose lines fall together may swing against each other.
-        Some(_) if is_of(weak, 0) == is_of(weak, 1) => {
-            let has_both = turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]);
-            (has_both && !doubts.are_near).then(|| vec![of_one(0), of_one(1)])
+        [one, other] if !doubts.are_near && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) => {
+            Some(vec![of_one(one), of_one(other)])
         }
-        Some(k) => Some(vec![Cause::Stands(k), of_one(k)]),
-        None => None,
+        _ => None,
     }
 }
 
@@ -378,7 +376,7 @@ impl Readings<'_> {
     fn better_than(&self, label: f64, doubts: &Doubts) -> Vec<Better> {
         let trial = self.trial;
         let is_vague = trial.is_vague();
-        let is_blurred = doubts.is_noisy || is_vague || doubts.may_be_alike && doubts.length_s < 30.0;
+        let is_blurred = doubts.is_noisy || is_vague || trial.may_be_alike() && doubts.length_s < 30.0;
         // All roughly, the best exactly.
         let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
         let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {

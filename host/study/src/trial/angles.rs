@@ -36,6 +36,8 @@ pub struct Steady {
     pub(super) swing_s: Result<Range<f64>, &'static str>,
     /// What it says of the speeds: it takes time, and not every command asks for it.
     pub(super) measured: OnceLock<SwingSpeeds>,
+    /// The motion of an import's robot by its model, for the same reason.
+    pub(super) modelled: OnceLock<Option<Columns<3>>>,
 }
 
 /// The steady angles of a trial, as every command reports them.

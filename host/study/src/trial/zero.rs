@@ -183,6 +183,7 @@ impl Zeroed {
                 true => OnceLock::from(SwingSpeeds::unknown("a model has the speeds of its trial")),
                 false => OnceLock::new(),
             },
+            modelled: OnceLock::new(),
         })
     }
 

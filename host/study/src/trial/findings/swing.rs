@@ -96,18 +96,23 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     }
     let own = labelled(data, zeroed)?;
     Ok(match label(&own) {
-        Label::Right if own.is_vague() => by_model(data, &own, other_sides).map_or(Label::Right, Label::Wrong),
+        Label::Right if own.is_vague() => by_model(data, zeroed, &own, other_sides).map_or(Label::Right, Label::Wrong),
         other => other,
     })
 }
 
 /// Asks about the swing of an import, beside that of its robot's model.
-fn by_model<T>(data: &Data, own: &Labelled, ask: impl Fn(&Labelled, &Labelled) -> Option<T>) -> Option<T> {
+fn by_model<T>(
+    data: &Data,
+    zeroed: &Zeroed,
+    own: &Labelled,
+    ask: impl Fn(&Labelled, &Labelled) -> Option<T>,
+) -> Option<T> {
     if data.records.import.is_none() || own.touches {
         return None;
     }
-    let angles_deg = modelled(data.robot().ok()?, own.rpm)?;
-    ask(&Labelled { angles_deg: &angles_deg, settled_s: MODELLED_S, ..own.clone() }, own)
+    let angles_deg = zeroed.steady.as_ref()?.modelled.get_or_init(|| modelled(data.robot().ok()?, own.rpm));
+    ask(&Labelled { angles_deg: angles_deg.as_ref()?, settled_s: MODELLED_S, ..own.clone() }, own)
 }
 
 fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
@@ -154,7 +159,8 @@ const NEAR_DEG: f64 = 35.0;
 /// Returns what the directions and the sizes of an import's swing, beside those of its robot's model, say of its angles.
 fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
-    let (turned_deg, scaled) = by_model(data, &own, |model, own| Some((turned_deg(model, own), scaled(model, own))))?;
+    let (turned_deg, scaled) =
+        by_model(data, zeroed, &own, |model, own| Some((turned_deg(model, own), scaled(model, own))))?;
     if let Some(deg) = turned_deg.filter(|deg| deg.abs() > TURNED_DEG) {
         let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
         let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
