@@ -1,23 +1,26 @@
-//! The application: [`App::tick`] is one tick of the control loop, `requests` carries out the host's requests.
+//! The application: [`App::tick`] is one tick of the control loop, whose parts are in `attitude` and `motors`; `requests` carries
+//! out the host's requests.
 //!
 //! The binary calls [`App::tick`] every 5 ms and [`App::after_tick`] after it, [`App::receive`] for every byte from the
 //! host, and [`App::watch_link`] before each of them, so that the motors stop less than a tick after the host's deadline.
 
+mod attitude;
+mod motors;
 mod requests;
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, SpeedFrom, State, Telemetry};
+use protocol::units::{CentiRpm, Duty, Micros, SensorCounts};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
 
 use crate::TICK_S;
-use crate::attitude::{self, Attitude};
+use crate::attitude::Attitude;
 use crate::calibration::GyroAverage;
 use crate::drive::Motors;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Latch, reset_cause};
-use crate::gap::{self, Gap};
+use crate::gap::Gap;
 use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
@@ -26,9 +29,6 @@ use crate::settings::{Saving, Store};
 use crate::speed::{Gains, SpeedControl, Turn, count_in_ticks};
 use crate::storage::Storage;
 use crate::supply::Supply;
-
-/// The largest change in a tick of a duty that no encoder controls.
-const RAMP: i16 = 2;
 
 /// The image's data about its own build.
 #[derive(Clone, Copy, Debug)]
@@ -250,169 +250,6 @@ where
     }
 
     #[inline(never)]
-    fn read_imu(&mut self) {
-        self.telemetry.imu_fresh = self.imu.poll();
-        if self.telemetry.imu_fresh {
-            let reading = self.imu.reading();
-            self.gyro_before = self.telemetry.gyro;
-            self.telemetry.gyro = reading.gyro;
-            self.telemetry.accel = reading.accel;
-            self.telemetry.temperature = reading.temperature;
-            if reading.is_clipped() {
-                self.telemetry.clipped.0 = self.telemetry.clipped.0.wrapping_add(1);
-            }
-        }
-        self.telemetry.imu_errors = Count(self.imu.errors());
-        self.raise(self.imu.fault());
-    }
-
-    #[inline(never)]
-    fn calibrate_gyro(&mut self) {
-        if let Some(average) = &mut self.calibrating {
-            average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro));
-        }
-    }
-
-    /// Takes the result of a finished calibration.
-    #[inline(never)]
-    fn finish_calibration(&mut self) {
-        if let Some(average) = &self.calibrating
-            && average.is_over()
-        {
-            self.calibration = average.result(self.settings.gyro_range);
-            self.calibrating = None;
-            if self.calibration.still {
-                self.settings.gyro_bias = self.calibration.bias;
-            }
-        }
-    }
-
-    #[inline(never)]
-    fn follow_attitude(&mut self) {
-        if !self.telemetry.imu_fresh {
-            return;
-        }
-        let ticks = core::mem::take(&mut self.ticks_behind);
-        self.gap.push(&self.telemetry.gyro, &self.gyro_before, ticks);
-        let bias = &self.settings.gyro_bias;
-        let mut half_turn = gap::unbiased(&self.telemetry.gyro, bias);
-        let is_gap = ticks > 1;
-        if is_gap {
-            gap::bridge(&mut half_turn, &mut gap::unbiased(&self.gyro_before, bias), ticks);
-        }
-        self.gap.correct(&mut half_turn);
-        attitude::scale(&mut half_turn, self.half_turn_scale);
-        if is_gap {
-            attitude::lengthen(&mut half_turn);
-        }
-        let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
-        let mut acceleration = [0.0; 3];
-        gap::to_numbers(&mut acceleration, &self.telemetry.accel);
-        let acceleration = in_body_axes(self.settings.accel_axes, acceleration);
-        let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
-        self.attitude.update(half_turn, acceleration, ticks, gains);
-        self.telemetry.attitude = self.attitude.quaternion();
-    }
-
-    /// Measures a speed, and checks the motor's reaction to the duty of the tick before.
-    #[inline(never)]
-    fn measure_speed(&mut self, motor: usize, tick: &Tick) {
-        if self.is_blind() {
-            // Nothing here tells a motor that stands: the host sees the swing of its flagellum.
-            self.telemetry.speed[motor] = CentiRpm::UNKNOWN;
-            return;
-        }
-        let edges = &tick.edges[motor];
-        let mut motion = self.encoders[motor].update(edges, tick.time, self.speed_scale);
-        if self.settings.encoder_reversed[motor] {
-            motion.speed.0 = -motion.speed.0;
-            motion.counts = -motion.counts;
-        }
-        let telemetry = &mut self.telemetry;
-        telemetry.speed[motor] = motion.speed;
-        telemetry.encoder[motor].0 = telemetry.encoder[motor].0.wrapping_add(i32::from(motion.counts));
-        telemetry.glitches.0 = telemetry.glitches.0.wrapping_add(u16::from(motion.glitches));
-        let (duty, target) = (telemetry.duty[motor], telemetry.target[motor]);
-        let moving_duty = self.settings.moving_duty[motor];
-        let mut faults = self.guards[motor].check(duty, target, &motion, moving_duty, self.count_in_ticks);
-        if edges.is_noisy || faults[0] == Fault::Encoder1Failed {
-            self.store.positions.lose();
-        }
-        if self.is_running() {
-            self.control[motor].follow(target, tick.missed, &motion, self.count_in_ticks);
-        }
-        if edges.is_noisy {
-            faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
-        } else if !self.is_running() && faults[0] != Fault::Motor1Overloaded {
-            // The other faults are about keeping a speed.
-            return;
-        }
-        self.raise(if motor == 0 { faults[0] } else { faults[1] });
-    }
-
-    /// Returns whether the motors have no encoders.
-    fn is_blind(&self) -> bool {
-        self.settings.speed_from == SpeedFrom::Duty
-    }
-
-    #[inline(never)]
-    fn follow_schedule(&mut self, tick: &Tick) {
-        if let Some(point) = self.schedule.advance(tick.missed.saturating_add(1), tick.time) {
-            self.telemetry.phase = point.phase;
-            self.telemetry.target = point.speeds;
-            self.duties = point.duties;
-            if !self.is_running() {
-                self.turn_off();
-            }
-        }
-    }
-
-    /// Sets the speeds of a turn to positions, and ends it.
-    #[inline(never)]
-    fn follow_turn(&mut self) {
-        let Some(turn) = &self.turn else { return };
-        self.telemetry.target = turn.speeds(self.telemetry.encoder);
-        let [first, second] = self.telemetry.target;
-        if first.0 | second.0 == 0 && self.encoders.iter().all(Encoder::is_still) {
-            self.turn_off();
-        }
-    }
-
-    /// Drives the motors. They wait until the memory has no positions at rest any more, which a loss of power would
-    /// then find.
-    #[inline(never)]
-    fn drive_motors(&mut self) {
-        if !self.store.positions.may_change() {
-            return;
-        }
-        if self.drive_ticks > 0 {
-            self.motors.drive(&self.telemetry.duty, &self.settings);
-            self.drive_ticks -= 1;
-            if self.drive_ticks == 0 {
-                self.turn_off();
-            }
-        }
-        if self.is_running() {
-            self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
-            self.motors.drive(&self.telemetry.duty, &self.settings);
-        }
-    }
-
-    #[inline(never)]
-    fn next_duty(&mut self, motor: usize) -> Duty {
-        let (target, speed) = (self.telemetry.target[motor], self.telemetry.speed[motor]);
-        if self.is_blind() {
-            let goal = i16::from(self.duties[motor]);
-            return ramp(self.telemetry.duty[motor], if target.0.is_negative() { -goal } else { goal });
-        }
-        let control = &mut self.control[motor];
-        match self.turn {
-            None => control.duty(target, speed, self.speed_gains),
-            Some(_) => control.approach(target, speed, self.speed_gains),
-        }
-    }
-
-    #[inline(never)]
     fn record_positions(&mut self) -> bool {
         let moves = self.is_driven() || self.schedule.will_move();
         let at_rest = !moves && self.encoders.iter().all(Encoder::is_still);
@@ -519,15 +356,4 @@ where
             self.store.log_fault(&FaultRecord { boot: self.boot_count, time, fault, duty, speed, program_counter });
         }
     }
-}
-
-/// Returns the duty of the next tick on the way to `goal`.
-#[inline(never)]
-fn ramp(Duty(duty): Duty, goal: i16) -> Duty {
-    if duty < goal { Duty((duty + RAMP).min(goal)) } else { Duty((duty - RAMP).max(goal)) }
-}
-
-#[inline(never)]
-fn in_body_axes(axes: AxisMap, sensor: [f32; 3]) -> [f32; 3] {
-    axes.apply(sensor)
 }
