@@ -105,7 +105,7 @@ impl ModelError {
         in_proportion([self.yaw(), self.tilt()], angles_deg)
     }
 
-    /// Returns the same for a model with these angles. An error of a share e of the robot's angle is up to e / (1 - e)
+    /// Returns the errors of a model that has these angles. An error of a share e of the robot's angle is up to e / (1 - e)
     /// of the model's angle, which is smaller if the model leaves out an effect that moves the robot.
     pub fn of_modelled_deg(&self, angles_deg: [f64; 3]) -> [f64; 3] {
         let of_model = |share: f64| share / (1.0 - share);

@@ -1,10 +1,10 @@
-//! What a steady state costs, estimated before it is computed, so that a table of many begins with the dearest.
+//! Estimates the cost of a steady state before it is computed, so that a table can begin with the most expensive ones.
 //!
-//! Steps follow the fastest of the two motors and of their difference. Where the flagella touch, a step takes more sweeps
-//! and is shorter. They touch for most of the time if both turn such that their thrust pushes them against the base, for
-//! some of it if one of them does and is the faster one, and where both pull at similar speeds. `cost.csv` of `biflag
-//! sweep` has the processor times of a table: at 1.0, 5 and 30 below it has 0.06 to 0.23, 0.45 to 0.87 and 1 to 28 s for the
-//! built-in robots.
+//! Steps follow the fastest of the two motors and of their difference. Where the flagella touch, a step takes more sweeps and
+//! is shorter. They touch most of the time if the thrust of both pushes towards the base. They touch some of the time if only
+//! the faster one pushes, or if both pull at similar speeds. `cost.csv` of `biflag sweep` has the processor times of a table:
+//! where the factor for contact below is 1.0, 5 or 30, they are 0.06 to 0.23, 0.45 to 0.87 or 1 to 28 s for the built-in
+//! robots.
 
 use super::period;
 use crate::functions::pow;
@@ -13,19 +13,19 @@ use crate::params::Robot;
 use crate::rod::helix::Handedness;
 use std::f64::consts::PI;
 
-/// Speed below which a slower motor makes nothing cheaper, rpm: the motion decays in a time of its own.
+/// Speed below which a slower motor no longer lowers the cost, rpm: the time of decay does not depend on the speed.
 const SLOW_RPM: f64 = 40.0;
-/// Time that is simulated until a motion without much contact is found, s, about.
+/// Approximate simulated time until a motion without much contact is found, s.
 const FOUND_S: f64 = 40.0;
-/// Costs of a step with much contact, some, and a little of it, over one without.
+/// Costs of a step with much, some and little contact, relative to a step without contact.
 const MUCH: f64 = 30.0;
 const SOME: f64 = 5.0;
 const LITTLE: f64 = 3.0;
-/// Power of the number of edges to which a step costs (`sim/docs/cost.md`).
+/// The cost of a step grows as this power of the number of edges (`sim/docs/cost.md`).
 const EDGES: f64 = 1.37;
 
-/// Returns the estimated cost of a steady state at these speeds (rpm), in no particular unit: only its order means something.
-/// `solved`: whether it is solved for, or simulated for all of `longest_s`.
+/// Returns the estimated cost of a steady state at these speeds (rpm), in arbitrary units: only the order of estimates is
+/// meaningful. `solved`: whether the state is solved for, or simulated for all of `longest_s`.
 pub fn estimate(robot: &Robot, rpm: [f64; 2], solved: bool, longest_s: f64) -> f64 {
     let pull = [0, 1].map(|k| match robot.flagellum.handedness[k] {
         Handedness::Right => rpm[k],
@@ -54,7 +54,7 @@ pub fn estimate(robot: &Robot, rpm: [f64; 2], solved: bool, longest_s: f64) -> f
 mod tests {
     use super::*;
 
-    /// The order of the processor times of these points in the table of a sweep, with a factor of three between neighbours.
+    /// The order of these points' processor times in the table of a sweep, with a factor of three between neighbours.
     #[test]
     fn dearer_points_are_known_before() {
         let robot = Robot::default();

@@ -17,18 +17,17 @@
 //! # Ok::<(), steady::SolveError>(())
 //! ```
 //!
-//! The unknown is the state at the start of a common period of both motors. The motion repeats if the state is the same
-//! after the period: this is shooting, as for any periodic orbit. Only the attitude and the bend of each flagellum
-//! decay in more than a second (`slow`); the rest of the state follows them within the period. So a period maps seven
-//! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
-//! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
-//! moves the state and its past in the slow coordinates; the ordinary solver continues from there. Where the two
-//! estimates of a step differ, half a step is made; where they differ much, or M has a direction that grows, a period passes
-//! without a step.
+//! The unknown is the state at the start of a common period of both motors. The motion repeats if the state is the same after
+//! the period: this is shooting, as for any periodic orbit. Only the attitude and the bend of each flagellum decay in more
+//! than a second (`slow`); the rest of the state follows them within the period. So a period maps seven coordinates y. With
+//! its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated from the periods
+//! themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step moves the state and its
+//! past in the slow coordinates; the ordinary solver continues from there. Where the steps with and without acceleration
+//! differ, half a step is made. Where they differ much, or M has a growing direction, a period passes without a step.
 //!
-//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration, and, where the flagella have
-//! touched, a path without steps leads to it too (`witness`); else that path is simulated on. The results are means over the
-//! last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
+//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. Where the flagella have
+//! touched, a path without steps must also lead to it (`witness`); if it does not, that path is simulated on. The results are
+//! means over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
 //! have no common period of 12 s or less, the trial is simulated from rest until its means over both motor angles are known
 //! ([`crate::trial::means`]). `sim/docs/steady.md` has the comparison with trials.
 
@@ -57,11 +56,11 @@ use std::f64::consts::PI;
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
 pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
-/// Windows at whose ends the means are known before a simulation ends early: means that are looked at again and again seem
-/// known too soon.
+/// Number of successive windows whose means must be known before a simulation ends early: of many checks, one may pass by
+/// chance.
 const AGREEING: u32 = 2;
 
-/// Part of a window that counts as none.
+/// A remainder below this share of a window is rounding.
 const ROUNDING: f64 = 1e-6;
 
 /// Kind of a motion.
@@ -74,7 +73,7 @@ pub enum Kind {
     Beating,
     /// No repeating motion was found, and the means are not known well enough.
     NotFound,
-    /// The base turned over. Parts of sweeps store a kind by its number: new ones come last.
+    /// The base turned over. Parts of sweeps store the number of a kind: new kinds come last.
     Overturned,
 }
 
@@ -139,7 +138,7 @@ pub struct Periodic {
     pub samples: Vec<Sample>,
     /// Duration of the period or of the last window, s.
     pub duration_s: f64,
-    /// Everything that was simulated, s.
+    /// Total simulated time, including the search, s.
     pub simulated_s: f64,
 }
 
@@ -152,15 +151,15 @@ pub enum SolveError {
     /// Impossible speeds or duration.
     #[error(transparent)]
     Profile(#[from] ProfileError),
-    /// A step of the trial that fails.
+    /// A step of the trial failed.
     #[error(transparent)]
     Step(#[from] StepError),
-    /// `watch` has ended it.
+    /// `watch` returned `false`.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// Called with the simulated time (s) as it goes on; `false` ends it.
+/// Called with the simulated time (s) during the computation; `false` ends it.
 pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
 /// Solves for the steady state.
@@ -184,7 +183,7 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             let mut simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
             set_errors(&mut summary.steady, &before, distance);
-            // Also of a flagellum with itself.
+            // Contact of a flagellum with itself counts, too.
             summary.steady.raise_errors(summary.largest_contact_n > 0.0);
             if let Some(unmoved) = unmoved {
                 let before_s = simulated_s - unmoved.time;
@@ -193,7 +192,8 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
                     witness::agrees(problem, &trial, [&coarse, &ordinary], unmoved, &summary.steady, &watch_witness)?;
                 simulated_s = before_s + witness.state().time;
                 if !agrees {
-                    // No step has moved the witness: it is the trial's own path. What is left of it must hold some windows.
+                    // No step has moved the witness, so it is the trial's own path. The remaining time must hold some
+                    // windows.
                     let left_s = whole.end() - witness.state().time;
                     return match left_s >= f64::from(AGREEING + 1) * whole_turns(whole.target(), whole.end()) {
                         true => follow(witness, &whole, problem, simulated_s, watch),
@@ -205,7 +205,7 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             }
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
-        // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
+        // The search may have moved the state to another motion: the trial starts again from rest.
         Outcome::Lost(searched) => from_rest(Some(&searched), searched.state().time),
         Outcome::None => from_rest(None, 0.0),
     }
@@ -213,15 +213,15 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
 
 /// Sets the standard errors of the means over a period to half of their differences from those over the period before.
 ///
-/// After a period without a step a difference is only the part of a slow approach that one period takes; after a step it is all
-/// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad). A difference may be small
-/// by chance, too: a quantity may stand still between two modes. None is below the solver's own.
+/// After a period without a step, a difference is the part of a slow approach that one period covers; after a step, it is the
+/// whole step. So the differences are scaled to the remaining distance of the attitude, `distance` (rad). A difference may
+/// also be small by chance, where two modes cancel: [`Steady::raise_errors`] then applies the solver's lower bounds.
 fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     let slowest = 1.0 / (1.0 - exp(-steady.window_s / SLOWEST_S));
-    // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
+    // The means of a settled motion differ by rounding alone: the scale is at most that of the slowest approach.
     let scale = (distance / self::distance(steady, before)).min(slowest);
     let set = |(now, before): (&mut Level, &Level)| {
-        // A period in which the robot turned over tells no error.
+        // A period in which the robot turned over gives no error.
         now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs()).filter(|error| error.is_finite());
     };
     steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
@@ -234,8 +234,8 @@ fn distance(one: &Steady, other: &Steady) -> f64 {
     one.attitude.iter().zip(&other.attitude).map(|(one, other)| (one.mean - other.mean).abs()).fold(0.0, f64::max)
 }
 
-/// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.
-/// `searched_s`: simulated time of the search.
+/// Continues a simulation to the end of a profile, or until the means of [`AGREEING`] successive windows are known.
+/// `searched_s`: total simulated time so far.
 fn follow(
     mut trial: Trial,
     whole: &SpeedProfile,
@@ -251,7 +251,7 @@ fn follow(
     let left = whole.end() - trial.state().time;
     let mut windows = (left / window + ROUNDING).floor();
     if left - windows * window > ROUNDING * window {
-        // What is left over comes first, so that the last window is a whole one.
+        // The remainder comes first, so that the last window is whole.
         trial = continued(trial, whole, windows * window)?.with_collected(collected);
         run(&mut trial, f64::INFINITY, None, &watch)??;
         collected = trial.collected().clone();
@@ -272,7 +272,7 @@ fn follow(
     }
 }
 
-/// Returns the trial that goes on up to this time before the end of a profile, s.
+/// Returns the trial, continued up to `left_s` seconds before the end of a profile.
 fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, ProfileError> {
     let state = trial.state().clone();
     Ok(trial.followed_by(whole.between(state.time, whole.end() - left_s)?, state))
@@ -291,7 +291,7 @@ fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sa
     Periodic { kind, summary, samples, duration_s, simulated_s }
 }
 
-/// Runs a trial up to a time (s), with its samples if they are wanted.
+/// Runs a trial up to a time (s) and collects its samples if `samples` is given.
 fn run(
     trial: &mut Trial,
     until: f64,
@@ -332,7 +332,7 @@ mod tests {
         shoot(&problem, &|_| true).expect("no failure")
     }
 
-    /// At (0, 80) rpm the last period takes a seventh of what is left of the approach.
+    /// At (0, 80) rpm the last period covers a seventh of the remaining approach.
     #[test]
     fn stated_errors_hold_what_is_left_of_an_approach() {
         for rpm in [[0.0, 80.0], [0.0, 76.45], [51.66, -51.66]] {

@@ -16,26 +16,26 @@ pub type Map = SMatrix<f64, COORDINATES, COORDINATES>;
 pub const ASSUMED_S: f64 = 6.0;
 /// Weight of the assumed decay against a sample of unit size.
 const ASSUMED_WEIGHT: f64 = 1e-4;
-/// Differences about and below this size, rad, count less: they have the errors of the steps.
+/// Differences of about this size (rad) or less count less: they contain the errors of the steps.
 const NOISE: f64 = 2e-3;
 /// Time in which the weight of a sample falls by a factor e, s.
 const MEMORY_S: f64 = 17.0;
-/// Power of B that shows whether a difference grows: it is below 1 from a decay of a thousandth per interval on.
+/// Power of B that shows whether a difference grows: its norm is below 1 if the decay is at least a thousandth per interval.
 const FAR: u32 = 1024;
 
 /// The law of decay over a sampling interval.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// Sums over samples of d(t + h) d(t)' and d(t) d(t)', with those of the assumed decay.
+    /// Sums over samples of d(t + h) d(t)' and d(t) d(t)', including the assumed decay.
     products: [Map; 2],
-    /// The sums of the assumed decay alone.
+    /// The part of the assumed decay in these sums.
     assumed: [Map; 2],
     /// Share of their weight that samples keep over a period.
     kept: f64,
 }
 
 impl Modes {
-    /// `interval`: between samples, s; `period`: of the motion, s.
+    /// `interval`: time between samples, s; `period`: period of the motion, s.
     pub fn new(interval: f64, period: f64) -> Self {
         let weight = Map::identity() * ASSUMED_WEIGHT;
         let assumed = [weight * exp(-interval / ASSUMED_S), weight];
@@ -63,7 +63,7 @@ impl Modes {
 
     /// Returns whether a difference in some direction grows: the motion is not stable, or not known well enough.
     pub fn grow(&self) -> bool {
-        // Not by eigenvalues: the iteration for them has no bound and does not end for some matrices.
+        // No eigenvalues: their iteration has no bound and does not end for some matrices.
         let far = self.map().pow(FAR).norm();
         far.is_nan() || far > 1.0
     }
@@ -81,8 +81,8 @@ mod tests {
 
     const INTERVAL: f64 = 0.5;
 
-    /// Returns modes that have seen two periods of 6 s with a difference which begins with `start`. Direction i is multiplied
-    /// by `factors[i]` in an interval.
+    /// Returns modes from two periods of 6 s. Their difference begins with `start`; direction i is multiplied by `factors[i]`
+    /// in an interval.
     fn modes(start: Slow, factors: Slow) -> Modes {
         let mut modes = Modes::new(INTERVAL, 6.0);
         let other: Vec<Slow> = (0..12).map(|k| start.component_mul(&factors.map(|f| f.powi(k)))).collect();

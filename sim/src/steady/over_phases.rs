@@ -1,4 +1,4 @@
-//! The steady state of a pair of speeds, and the steady states of its starting phases together.
+//! The steady state at a pair of speeds, and its combination over several starting phases.
 
 use super::{Kind, Problem, SolveError, Watch, solve};
 use crate::trial::profile::{Phases as Run, SpeedProfile};
@@ -45,11 +45,11 @@ impl SteadyState {
         }
     }
 
-    /// Runs a trial from rest to its end, as long as a solution would take at most.
+    /// Runs a trial from rest, with a run phase of `longest_s`.
     fn of_trial(problem: &Problem, watch: Watch) -> Result<Self, SolveError> {
         let run = Run { run: problem.longest_s, ..Run::default() };
         let profile = SpeedProfile::phases(&run, problem.rpm)?.from_angles(problem.start_rad);
-        // No samples are needed; a few a second are enough to ask whether to go on.
+        // The samples serve only to call `watch`: a few a second are enough.
         let options = Options { rate_hz: 2.0, shapes: false };
         let mut trial = Trial::with_solver(problem.solver()?, profile, options)?;
         for sample in trial.by_ref() {
@@ -64,7 +64,7 @@ impl SteadyState {
 }
 
 impl Phases {
-    /// `None` without a state.
+    /// Returns `None` if there is no state.
     pub fn new(states: Vec<SteadyState>) -> Option<Self> {
         (!states.is_empty()).then_some(Self(states))
     }

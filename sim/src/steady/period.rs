@@ -3,11 +3,11 @@
 use crate::trial::means::WINDOW;
 use std::f64::consts::TAU;
 
-/// Speeds below this, rad/s, are those of a motor that stands.
+/// A motor below this speed, rad/s, stands still.
 const STANDING: f64 = 1e-6;
-/// Part of a turn by which the slower motor may miss a whole one in a common period: none.
+/// Largest deviation of the slower motor from whole turns in a common period, in turns: rounding alone.
 const EXACT: f64 = 1e-6;
-/// Shortest period of the map, s: the modes that its coordinates leave out decay in it.
+/// Shortest period of the map, s: all modes outside its coordinates decay within it.
 const SHORTEST: f64 = 2.0;
 
 /// Returns the shortest time between 2 s and [`WINDOW`] in which both motors make whole turns, s; `None` where there is none.
@@ -17,7 +17,7 @@ pub fn common(speeds_rad_s: [f64; 2]) -> Option<f64> {
     let Some(&fast) = periods.first() else { return Some(SHORTEST) };
     let slow = periods.get(1).copied();
     let missed = |time: f64| slow.map_or(0.0, |slow| (time / slow - (time / slow).round()).abs());
-    // The slower motor turns at all in the time.
+    // The slower motor must make at least one turn.
     let turns = |time: f64| slow.is_none_or(|slow| time > 0.5 * slow);
     let (first, last) = ((SHORTEST / fast).ceil().max(1.0) as usize, ((WINDOW + 1e-9) / fast).floor() as usize);
     (first..=last).map(|n| n as f64 * fast).find(|time| missed(*time) < EXACT && turns(*time))

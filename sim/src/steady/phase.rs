@@ -42,14 +42,14 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// Returns the starting angles of both motors (deg) of `count` runs at these speeds (rpm), evenly over all phases that
-/// differ. The starting angle of flagellum 2 varies over the part of a turn after which the phases repeat; if flagellum
-/// 1 stands still, its own angle varies instead.
+/// Returns the starting angles of both motors (deg) of `count` runs at these speeds (rpm), evenly spaced over all distinct
+/// phases. The starting angle of flagellum 2 varies over the part of a turn after which the phases repeat; if flagellum 1
+/// stands still, its own angle varies instead.
 pub fn starts(rpm: [f64; 2], count: usize) -> Vec<[f64; 2]> {
     let [p, q] = rpm.map(|rpm| (rpm.abs() * 100.0).round() as u32);
     let common = gcd(p, q);
     let which = usize::from(p > 0 || q == 0);
-    // A pattern that takes longer than the steady window is not averaged in it.
+    // The steady window does not average over a longer pattern.
     let repeats = p > 0 && f64::from(common) * WINDOW / 6000.0 >= 1.0;
     let part = if repeats { 360.0 / f64::from(p / common) } else { 360.0 };
     (0..count)

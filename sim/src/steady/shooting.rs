@@ -13,35 +13,35 @@ use crate::trial::profile::{ProfileError, SpeedProfile};
 use crate::trial::sample::Sample;
 use std::f64::consts::PI;
 
-/// Simulated time in which the motion decays by itself before the first step, s, at least.
+/// Least simulated time before the first step, s: the motion decays by itself.
 const DECAY_S: f64 = 6.0;
-/// Simulated time of a search, s, at least, ...
+/// Longest simulated time of a search, s, or ...
 const PATIENCE_S: f64 = 54.0;
-/// ... and as a share of the longest simulation.
+/// ... this share of the longest simulation if that is longer.
 const PATIENCE: f64 = 0.8;
 /// Share of the search after which all periods have the ordinary accuracy.
 const COARSE: f64 = 0.8;
-/// Bound of a step's error in coarse periods, over the ordinary one.
+/// Bound of a step's error in coarse periods, relative to the ordinary one.
 const COARSE_ERROR: f64 = 10.0;
-/// Tolerance of a step's iteration in coarse periods, over the ordinary one ...
+/// Tolerance of a step's iteration in coarse periods, relative to the ordinary one, ...
 const COARSE_TOLERANCE: f64 = 5.0;
-/// ... and at most: with more, steps fail.
+/// ... and its upper limit: steps fail above it.
 const LARGEST_TOLERANCE: f64 = 0.05;
-/// Tolerance of a step's iteration in the last periods, over the ordinary one: what every step of a period misses by adds up
-/// over the time in which a slow mode decays.
+/// Tolerance of a step's iteration in the last periods, relative to the ordinary one: the errors of all steps add up over the
+/// time in which a slow mode decays.
 const FINE_TOLERANCE: f64 = 0.5;
-/// Time between samples of the slow coordinates, s, about.
+/// Approximate time between samples of the slow coordinates, s.
 const SAMPLE_S: f64 = 0.5;
-/// Samples that are left out after a start from rest or a move: fast modes are still in them.
+/// Samples left out at the start of a period: they still contain fast modes after a start from rest or a step.
 const SKIPPED: usize = 2;
-/// Periods that a step is made from.
+/// Number of periods that a step is computed from.
 const COMBINED: usize = 5;
-/// Longest time constant that is believed, s: it bounds the steps.
+/// Longest plausible time constant, s: it bounds the steps.
 pub const SLOWEST_S: f64 = 60.0;
-/// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear, and the step may lead
-/// to where another motion begins than the trial's.
+/// Longest step, rad. If the estimated step is longer, the motion is still too far away for a linear law, and the step might
+/// lead to another motion than the trial's.
 const LONGEST: f64 = 5.0 * PI / 180.0;
-/// Largest difference of the two estimates of a step, over the longer one, for a move by the whole step ...
+/// Largest difference of the two estimates of a step, relative to the longer one, for a move by the whole step ...
 const DIFFERENCE: f64 = 0.7;
 /// ... and by half of it.
 const LARGEST_DIFFERENCE: f64 = 0.85;
@@ -52,11 +52,11 @@ const VERY_CLOSE: f64 = 0.5 * PI / 180.0;
 
 /// How a search ends.
 pub enum Outcome {
-    /// With a motion that repeats.
+    /// A repeating motion.
     Found(Box<Found>),
-    /// Without one, after this trial, for lack of time or because a step failed.
+    /// None within the time of a search, or a step failed; the last trial of the search.
     Lost(Box<Trial>),
-    /// There is nothing to search for.
+    /// No search: the motors have no common period.
     None,
 }
 
@@ -66,11 +66,12 @@ pub struct Found {
     pub trial: Trial,
     /// The means over the period before.
     pub before: Steady,
-    /// What is left of the attitude's way to it, rad.
+    /// Remaining distance of the attitude from it, rad.
     pub distance: f64,
     /// Samples of the last period.
     pub samples: Vec<Sample>,
-    /// The state before the first step, where a step may have led to another motion than the trial's: the flagella have touched.
+    /// The state before the first step, if the flagella have touched: a step may then have led to another motion than the
+    /// trial's.
     pub unmoved: Option<State>,
     /// Settings of coarse periods.
     pub coarse: SolverSettings,
@@ -78,10 +79,10 @@ pub struct Found {
     pub ordinary: SolverSettings,
 }
 
-/// Searches for the motion that repeats.
+/// Searches for a repeating motion.
 ///
-/// Most of the search needs no great accuracy. Periods in which the flagella touch have coarse steps, at about half the
-/// cost, until the motion is close. Where it is very close, all periods are more accurate than those of a trial.
+/// Periods in which the flagella touch have coarse steps, at about half the cost, until the motion is close. Once it is very
+/// close, all periods are more accurate than a trial.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
@@ -89,7 +90,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
     let Problem { robot, rpm, longest_s, output, .. } = *problem;
     let speeds = rpm.map(|rpm| rpm * PI / 30.0);
     let Some(period) = period::common(speeds) else {
-        // What is impossible is an error here, too.
+        // Impossible speeds and parameters are errors here, too.
         SpeedProfile::constant(rpm, 1.0)?;
         robot.validate()?;
         return Ok(Outcome::None);
@@ -130,7 +131,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             let [newton, step] = steps(&paths, modes.newton(intervals));
             let distance = attitude(&newton).max(attitude(&step));
             let is_stable = !modes.grow();
-            // With the assumed decay, too: small differences tell little of the true one.
+            // Also checked with the assumed decay: small differences do not determine the true one well.
             let assumed = attitude(&(end - from)) / (1.0 - exp(-period / ASSUMED_S));
             let is_found = distance < TOLERANCE && assumed < TOLERANCE && is_fine && !is_coarse && paths.len() > 1;
             if is_found
@@ -156,7 +157,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             }
             if next_is_coarse && (is_close || simulated_s > COARSE * patience_s) {
                 (next_is_coarse, may_be_coarse) = (false, false);
-                // Coarse periods end elsewhere.
+                // Coarse periods lead to a slightly different state.
                 paths.clear();
             }
         }
@@ -171,22 +172,23 @@ fn profile(problem: &Problem, period: f64, time: f64) -> Result<SpeedProfile, Pr
     Ok(SpeedProfile::from_points(&[(time, problem.rpm), (time + period, problem.rpm)])?.from_angles(angles))
 }
 
-/// Returns the share of a step that is to be trusted. Where none is, a period passes without a step: the motion decays by
-/// itself, or leaves what is not stable. `is_sure`: coarse periods that are close need no more.
+/// Returns the share of a step to take; `None` for an implausible step. A period then passes without a step: the motion
+/// decays by itself, or leaves an unstable state. `is_sure`: whether even an implausible step is taken, as at the end of the
+/// coarse periods.
 fn trusted(distance: f64, longest: f64, difference: f64, is_sure: bool) -> Option<f64> {
     let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
     (is_plausible || is_sure).then_some(if difference <= DIFFERENCE { 1.0 } else { 0.5 })
 }
 
-/// Returns the settings of coarse periods, of ordinary ones, and of those that may be the result.
+/// Returns the settings of coarse periods, of ordinary periods, and of periods that may be the result.
 fn accuracies(solver: &SolverSettings, speeds: [f64; 2], interval: f64) -> [SolverSettings; 3] {
     let ordinary = with_even_steps(solver, speeds, interval);
     let fine = SolverSettings { tolerance: ordinary.tolerance * FINE_TOLERANCE, ..ordinary.clone() };
     [with_coarse_steps(&ordinary), ordinary, fine]
 }
 
-/// Runs a trial to its end and returns its slow coordinates at the start and at the ends of `count` intervals (s); `None` if a
-/// step fails.
+/// Runs a trial to its end. Returns its slow coordinates at the start and at the ends of `count` intervals of `interval`
+/// seconds; `None` if a step fails.
 fn path(
     trial: &mut Trial,
     count: usize,
@@ -207,8 +209,9 @@ fn path(
     Ok(Some(path))
 }
 
-/// Returns the step from the start of the last period to the motion that repeats, by that period alone and by the last
-/// ones; not finite where a direction does not decay. `newton`: what makes a step of the change of a period.
+/// Returns the step from the start of the last period to the repeating motion, estimated from that period alone and from the
+/// last [`COMBINED`] periods; not finite where a direction does not decay. `newton`: the map from the change over a period to
+/// the step.
 fn steps(paths: &[Vec<Slow>], newton: Option<Map>) -> [Slow; 2] {
     let Some(newton) = newton else { return [Slow::repeat(f64::NAN); 2] };
     let ends = |path: &Vec<Slow>| (path[0], path[path.len() - 1]);
@@ -227,8 +230,8 @@ fn attitude(step: &Slow) -> f64 {
     step.fixed_rows::<ANGLES>(0).amax()
 }
 
-/// Returns the state of a trial moved in its slow coordinates; in its attitude alone where flagella with other bends would
-/// overlap more. The bends of flagella that lean on each other follow the attitude.
+/// Returns the state of a trial, moved in its slow coordinates. If other bends would make the flagella overlap more, only the
+/// attitude is moved: the bends of flagella that lean on each other follow the attitude.
 fn moved(trial: &mut Trial, change: &Slow) -> State {
     let touching = 2.0 * trial.solver().model().robot.flagellum.rod_radius_m;
     let state = trial.state().clone();
@@ -242,14 +245,14 @@ fn moved(trial: &mut Trial, change: &Slow) -> State {
     slow::moved(&state, &turn, &trial.profile)
 }
 
-/// Returns settings with steps of which a whole number makes this time (s): they need no step of another length at its end.
+/// Returns settings with a step that divides this time (s) evenly, so that no shorter step is needed at its end.
 fn with_even_steps(settings: &SolverSettings, speeds: [f64; 2], time: f64) -> SolverSettings {
     let fastest = speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs());
     let longest = settings.longest_step_s.min(settings.step_rad / fastest.max(1e-9));
     SolverSettings { longest_step_s: time / (time / longest - 1e-9).ceil(), ..settings.clone() }
 }
 
-/// Returns settings that are less accurate about contact. The length of free steps stays, and with it the solver's inverses.
+/// Returns settings that are less accurate in contact. The length of free steps stays, and so do the solver's inverses.
 fn with_coarse_steps(settings: &SolverSettings) -> SolverSettings {
     let tolerance = (settings.tolerance * COARSE_TOLERANCE).min(LARGEST_TOLERANCE).max(settings.tolerance);
     SolverSettings { step_error: settings.step_error * COARSE_ERROR, tolerance, ..settings.clone() }

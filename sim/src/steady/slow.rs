@@ -17,12 +17,12 @@ use nalgebra::{SVector, UnitQuaternion};
 
 /// Number of coordinates.
 pub const COORDINATES: usize = 7;
-/// Number of those that are the attitude; they come first.
+/// Number of the attitude's coordinates, which come first.
 pub const ANGLES: usize = 3;
 /// A point in the slow coordinates.
 pub type Slow = SVector<f64, COORDINATES>;
 
-/// Returns the rotation of an edge over that of the tip: the slope of a cantilever under an even load.
+/// Returns the rotation of an edge relative to the tip's: the slope of a cantilever under an even load.
 fn share(edge: usize, edges: usize) -> f64 {
     let s = (edge as f64 + 0.5) / edges as f64;
     s * (3.0 + s * (s - 3.0))
@@ -90,8 +90,8 @@ pub fn moved(state: &State, change: &Slow, profile: &SpeedProfile) -> State {
     out
 }
 
-/// Rotates each edge by its share of a rotation of the tip (shaft frame, rad): edges keep their lengths, and what is
-/// between them bends evenly.
+/// Rotates each edge by its share of a rotation of the tip (shaft frame, rad). Edges keep their lengths, and the bend is
+/// smooth.
 fn bend_shape(shape: &mut Shape, tip: V3) {
     let edges = shape.nodes.len() - 1;
     let mut before = shape.nodes[1];

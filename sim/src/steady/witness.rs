@@ -1,13 +1,13 @@
-//! The witness of a search: the trial's own path, from before the first step of the search.
+//! The witness of a search: the trial's own path, simulated without steps from the state before the first step.
 //!
-//! A step of a search may lead to where another stable motion begins; robots whose flagella touch have more than one. So the
-//! state that no step has moved goes on without steps, and its means over a period are compared with those of the motion. They
-//! agree as soon as their difference is within both ±, or has fallen to [`FALLEN`] of what it was: modes that are left decay in
-//! 18 s or less, and a path that ends elsewhere keeps most of its distance. They agree earlier where the changes of the last
-//! periods already lead to within both ±.
+//! A step of a search may lead to another stable motion: robots whose flagella touch have several. So the means of the
+//! witness over a period are compared with those of the motion found. They agree when their difference is within twice the
+//! uncertainty, or has fallen to [`FALLEN`] of its first value: the remaining modes decay in 18 s or less, and a path that
+//! ends elsewhere keeps most of its distance. They also agree when the extrapolation of the last periods is within twice the
+//! uncertainty.
 //!
-//! Far from the motion its periods are coarse, as those of the search are. A path that seems to end elsewhere goes on as
-//! accurate as a trial before it is believed.
+//! Far from the motion the periods are coarse, as in the search. A path that seems to end elsewhere is first continued with
+//! the accuracy of a trial.
 
 use super::shooting::CLOSE;
 use super::{Problem, SolveError, Watch, distance, run};
@@ -19,19 +19,19 @@ use crate::trial::Trial;
 use crate::trial::means::Steady;
 use crate::trial::profile::SpeedProfile;
 
-/// Share of the first difference to which it must fall.
+/// Means agree when their difference has fallen to this share of the first one.
 const FALLEN: f64 = 0.2;
-/// Longest time of a witness, s: four of the longest time constants.
+/// Longest time of a witness, s: four times the longest time constant.
 const LONGEST_S: f64 = 72.0;
-/// Time constant, s, with which a difference would still have to fall for the witness to go on.
+/// Longest time constant, s, of a difference that may still decay.
 const LONGEST_DECAY_S: f64 = 30.0;
 
-/// Lets a state go on, period after period, until it agrees with a motion or is known to end elsewhere. Returns its last period,
-/// and whether it agrees. `trial`: the last period of the motion; `found`: its means and their standard errors; `coarse`,
-/// `ordinary`: settings of coarse periods, and of those of a trial.
+/// Simulates a state, period after period, until its means agree with those of a motion or it is known to end elsewhere.
+/// Returns the last period, and whether they agree. `trial`: the last period of the motion; `found`: its means and their
+/// standard errors; `coarse`, `ordinary`: settings of coarse periods and of a trial.
 ///
 /// # Errors
-/// [`SolveError::Interrupted`] and [`SolveError::Profile`]. Where a step fails, nothing agrees.
+/// [`SolveError::Interrupted`] and [`SolveError::Profile`]. A failing step counts as no agreement.
 pub fn agrees(
     problem: &Problem,
     trial: &Trial,
@@ -49,13 +49,13 @@ pub fn agrees(
         witness.set_accuracy(if is_coarse { coarse } else { ordinary });
         witness = witness.followed_by(whole.between(state.time, state.time + period)?, state);
         let has_failed = run(&mut witness, f64::INFINITY, None, watch)?.is_err();
-        // Where the witness is refused, the trial goes on from it.
+        // Without agreement the trial goes on from the witness.
         witness.set_accuracy(ordinary);
         if has_failed {
             return Ok((witness, false));
         }
         let now = witness.window_summary().steady;
-        // Without angles there is no difference of them: the trial decides.
+        // An overturned robot has no angles to compare: the trial decides.
         if now.is_overturned() || found.is_overturned() {
             return Ok((witness, false));
         }
@@ -73,15 +73,15 @@ pub fn agrees(
         }
         if is_coarse && (ends_elsewhere || distance(&now, found) < CLOSE) {
             is_coarse = false;
-            // Coarse periods lead elsewhere.
+            // Coarse periods lead to a slightly different state.
             path.truncate(1);
         }
         state = witness.state().clone();
     }
 }
 
-/// Returns where a path of differences ends if each change is as much smaller than the one before as the last one was (Aitken's
-/// extrapolation); `None` for a path of less than three points.
+/// Returns the end of a path of differences by Aitken's extrapolation: the ratio of successive changes stays that of the last
+/// two. `None` for a path of fewer than three points.
 fn end(path: &[V3], period: f64) -> Option<V3> {
     let [.., one, two, three] = path else { return None };
     let (earlier, later) = (two - one, three - two);
@@ -90,7 +90,7 @@ fn end(path: &[V3], period: f64) -> Option<V3> {
     Some(three + later * (kept / (1.0 - kept)))
 }
 
-/// Returns the difference of the angles of two motions, over twice the ± of the second one.
+/// Returns the difference of the angles of two motions, divided by twice the uncertainty of the second.
 fn difference(one: &Steady, other: &Steady) -> V3 {
     let angles = one.attitude.iter().zip(&other.attitude);
     V3::from_iterator(angles.map(|(one, other)| (one.mean - other.mean) / (2.0 * other.uncertainty())))

@@ -84,13 +84,13 @@ pub struct Summary {
     pub largest_contact_n: f64,
     /// Share of the run phase in which the flagella touch each other.
     pub contact_share: f64,
-    /// Time at which they first do, s.
+    /// Time of their first contact, s.
     pub first_contact_s: Option<f64>,
     /// The closest state that the flagella reached.
     pub bundling: Bundling,
     /// Steps taken, including the search if the steady state is solved for.
     pub steps: u64,
-    /// Sweeps of all accepted steps, likewise.
+    /// Sweeps of all accepted steps, including the search.
     pub sweeps: u64,
     /// Largest estimated error of a step, m.
     pub step_error_m: f64,
@@ -125,7 +125,7 @@ pub(crate) struct Totals {
     error: f64,
 }
 
-/// A trial in progress; an iterator over its samples. After an error it is over.
+/// A trial in progress; an iterator over its samples. An error ends it.
 #[derive(Clone, Debug)]
 pub struct Trial {
     solver: Solver,
@@ -157,7 +157,7 @@ impl Trial {
         Self::with_solver(Solver::new(robot, closure)?, profile, options)
     }
 
-    /// Returns the same trial with a given solver.
+    /// Returns such a trial with a given solver.
     pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
         Self::begin(solver, profile, options, DenseOutput::default())
     }
@@ -194,7 +194,7 @@ impl Trial {
         trial
     }
 
-    /// Returns the trial with values collected before it added to its steady state.
+    /// Returns the trial with previously collected values added to its steady state.
     pub(crate) fn with_collected(mut self, mut collected: SteadyCollector) -> Self {
         // A collector without values starts with the state at the start of this trial.
         collected.begin_with(&self.progress.steady);
@@ -214,7 +214,7 @@ impl Trial {
         &self.progress.summary
     }
 
-    /// Returns the values for the steady state.
+    /// Returns the values collected for the steady state.
     pub(crate) fn collected(&self) -> &SteadyCollector {
         &self.progress.steady
     }
@@ -422,7 +422,7 @@ impl Trial {
         if report.between > 0 && totals.first_contact.is_none() {
             totals.first_contact = Some(progress.state.time);
         }
-        // Only flagella in contact can be bundled; once they were, no further check is needed.
+        // Only flagella in contact can be bundled; once they have been bundled, no further check is needed.
         if report.between > 0 && totals.bundling != Bundling::Bundled {
             let state = &self.progress.state;
             let lines = shapes_at(state, state.time, &state.motors, &self.solver.model().robot.shaft_feet());
@@ -431,8 +431,8 @@ impl Trial {
         self.keep(forces, report.touching > 0, report.between > 0);
     }
 
-    /// Keeps the state and these forces for samples and for the steady state. `contact`: whether any pair presses; `touching`:
-    /// whether one of both flagella does.
+    /// Keeps the state and these forces for samples and for the steady state. `contact`: whether any pair presses;
+    /// `touching`: whether a pair between the flagella does.
     fn keep(&mut self, forces: [ForceRecord; 2], contact: bool, touching: bool) {
         let [start, stop] = self.profile.run();
         let progress = &mut self.progress;

@@ -20,7 +20,7 @@ pub enum ProfileError {
     /// The time of a point is before that of the previous point.
     #[error("point {index} lies before the one before it")]
     Unordered { index: usize },
-    /// A reversal of a motor that does not exist, or outside of the run.
+    /// The motor to reverse does not exist, or the reversal is outside of the run.
     #[error("motor {motor} cannot reverse {after} s after the start of the run")]
     Reverse { motor: usize, after: f64 },
     /// The run phase is not within the profile, or its duration is not positive.
@@ -43,7 +43,7 @@ const REVERSED: f64 = 0.5;
 /// A motor whose target is slower than this, rad/s, stands still: 1 rpm. Its measured speeds are scatter.
 const STANDING: f64 = PI / 30.0;
 
-/// A run that begins or ends this close to an end of its profile begins or ends there, s: times computed in different ways
+/// A run that begins or ends this close (s) to an end of its profile is moved to that end: times computed in different ways
 /// differ by rounding, and the solver cannot take a step between them.
 const ROUNDING_S: f64 = 1e-9;
 

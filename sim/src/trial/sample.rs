@@ -122,7 +122,7 @@ impl DenseOutput {
     pub fn push(&mut self, record: StepRecord) {
         let oldest = record.time - self.reach;
         self.records.push_front(record);
-        // Values at the oldest time are interpolated from the steps about it.
+        // Values at the oldest time are interpolated from the steps around it.
         let within = self.records.partition_point(|r| r.time > oldest);
         self.records.truncate(within.max(1) + POINTS - 1);
     }
@@ -148,7 +148,7 @@ impl DenseOutput {
 
     /// Returns the values at a time (s) within the last step or within reach behind it, `None` before the first step.
     pub fn at(&self, time: f64) -> Option<Interpolated> {
-        // From the end of the step that holds the time.
+        // Steps from the end of the one that contains the time, backwards.
         let end = self.records.partition_point(|r| r.time >= time).saturating_sub(1);
         let steps: Vec<&StepRecord> = self.records.range(end..).take(POINTS).collect();
         let newest = **steps.first()?;

@@ -1,11 +1,11 @@
-//! Least standard errors: what no stretch of a run shows.
+//! Lower bounds of the standard errors, for errors that no stretch of a run shows.
 
 use super::{Level, NO_THRUST, Steady};
 use crate::V3;
 use crate::functions::hypot;
 use std::f64::consts::PI;
 
-/// Standard errors that belong to each other.
+/// Standard errors of angles and of forces.
 #[derive(Clone, Copy, Debug)]
 struct Errors {
     /// Of yaw, pitch and roll, rad.
@@ -14,24 +14,25 @@ struct Errors {
     force: f64,
 }
 
-/// Those of the solver, which adds up in the slow modes what every step misses (`sim/docs/steady.md`): of a motion in which the
+/// Standard errors of the solver, whose step errors add up in the slow modes (`sim/docs/steady.md`): of a motion in which the
 /// flagella do not touch, and of one in which they do.
 const FREE: Errors = Errors { angle: 0.045 * PI / 180.0, force: 1e-3 };
 const TOUCHING: Errors = Errors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
 
-/// Flagella that mesh move in ways that vary over minutes, and from one way to another. What a stretch of this length (s) cannot
-/// show of it has these errors at least; one of a longer stretch is less by their ratio.
+/// The motion of flagella that mesh varies over minutes, and changes from one pattern to another. A stretch of this length
+/// (s) cannot show this variation and gets these standard errors for it; they fall as the stretch grows, in inverse
+/// proportion.
 const MESHING_S: f64 = 60.0;
 const MESHING: Errors = Errors { angle: 0.2 * PI / 180.0, force: 0.02 };
 
 impl Steady {
-    /// Raises the standard errors that are known to those of the solver.
+    /// Raises the known standard errors to at least those of the solver.
     pub(crate) fn raise_errors(&mut self, touches: bool) {
         let least = if touches { TOUCHING } else { FREE };
         self.change_errors(&least, f64::max);
     }
 
-    /// Adds to the standard errors what the stretch cannot show of flagella that mesh.
+    /// Adds the variation of meshing flagella that the stretch cannot show to the standard errors, as squares.
     pub(super) fn add_errors_of_meshing(&mut self) {
         let share = MESHING_S / self.window_s;
         self.change_errors(&Errors { angle: MESHING.angle * share, force: MESHING.force * share }, hypot);

@@ -2,22 +2,22 @@
 //!
 //! Two rules give the means:
 //!
-//! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with its
-//!   standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
-//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]. Of a run that is not settled, the means are what a
-//!   slow approach has reached, and the standard errors those of its end. No standard error is below that of the solver, and
-//!   flagella that mesh have one for what they do over minutes. At speeds whose ratio is nearly simple ([`ratio::slips`]) the
-//!   means are those of the phases that have passed, without standard errors: nothing shows the other phases. A run shorter
-//!   than two windows of [`WINDOW`] shows no slow approach; it has the means of the other rule, without a standard error.
-//! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over time
-//!   in the window, by trapezia. The run is settled when yaw, pitch and roll of the window agree with those of the window
-//!   before.
+//! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with
+//!   its standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
+//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]. The means of a run that is not settled are the
+//!   values that a slow approach has reached, with the standard errors of its end. No standard error is below the solver's,
+//!   and flagella that mesh have one for their variation over minutes. At speeds whose ratio is nearly simple
+//!   ([`ratio::slips`]) the means cover only the phases that have passed, and have no standard errors. A run shorter than two
+//!   windows of [`WINDOW`] shows no slow approach; it has the means of the other rule, without standard errors.
+//! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over
+//!   time in the window, by the trapezoidal rule. The run is settled when yaw, pitch and roll of the window agree with those
+//!   of the window before.
 //!
-//! The window is the end of the run. Its length is at most [`WINDOW`], and such that it holds whole revolutions of both
-//! motors as nearly as possible ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias
-//! its mean. Window and stretch begin after the last reversal of a motor: a mean over both senses is no state. An
-//! amplitude is half the range over the window. The settling time is the end of the last block of about 2 s whose mean yaw
-//! or pitch is not yet near the final one.
+//! The window is the end of the run. Its length is at most [`WINDOW`], and as near as possible to whole revolutions of both
+//! motors ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias its mean. Window and
+//! stretch begin after the last reversal of a motor: a mean over both directions is no steady state. An amplitude is half the
+//! range over the window. The settling time is the end of the last block of about 2 s whose mean yaw or pitch is not yet near
+//! the final one.
 //!
 //! The slow mode of a pair of flagella decays in 10 to 18 s; some modes of two flagella that do not touch need minutes.
 
@@ -34,7 +34,7 @@ use series::Cell;
 use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Longest stretch that means over both motor angles are taken from, s.
+/// Longest stretch for means over both motor angles, s.
 pub const STRETCH: f64 = 300.0;
 
 /// Largest uncertainties (95 %) of the means of a settled run.
@@ -49,16 +49,16 @@ pub struct Limits {
 /// Limits of a run in whose stretch the flagella do not touch.
 pub const FREE: Limits = Limits { angle: 0.1 * PI / 180.0, thrust: 0.01 };
 
-/// Limits of one in which they do.
+/// Limits of a run in whose stretch the flagella touch.
 pub const TOUCHING: Limits = Limits { angle: 0.3 * PI / 180.0, thrust: 0.03 };
 
-/// Time constant of the slow mode of a pair of flagella, s, at most.
+/// Longest time constant of the slow mode of a pair of flagella, s.
 const SLOWEST_S: f64 = 18.0;
 
-/// Share of a run's length that is rounding.
+/// A difference below this share of a run's length is rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Thrusts below this, N, are none.
+/// A thrust below this, N, counts as zero.
 const NO_THRUST: f64 = 1e-5;
 
 /// Cells in a revolution of the faster motor.
@@ -67,7 +67,7 @@ const CELLS: f64 = 12.0;
 /// Longest cell, s.
 const LONGEST_CELL: f64 = 0.25;
 
-/// Length of the blocks that time the settling, s, about.
+/// Approximate length of the blocks for the settling time, s.
 const BLOCK: f64 = 2.0;
 
 /// An angle is near its final value within this, degrees, or within this share of the value.
@@ -104,10 +104,10 @@ pub struct Steady {
     /// Target speeds of the motors at the end of the run, rad/s: an input, which is not stored with the results.
     #[serde(skip, default = "unknown")]
     pub speeds_rad_s: [f64; 2],
-    /// Whether the means are known, and reached, by the rule of the module.
+    /// Whether the means are known and reached, by the rules in the documentation of [`crate::trial::means`].
     pub settled: bool,
-    /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
-    /// degree and 5 % of the final ones, s.
+    /// Time from the start of the run, s, after which all block means of yaw and pitch are within 1 degree or 5 % of the
+    /// final mean, whichever is larger.
     pub settle_s: f64,
 }
 
@@ -153,12 +153,12 @@ pub struct SteadyCollector {
 }
 
 impl SteadyCollector {
-    /// For a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
+    /// Returns the collector of a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
     pub fn new(start: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
         Self::after_reversal(start, start, end, speeds_rad_s)
     }
 
-    /// The same for a run in which a motor reverses; `from` is the time (s) after which none does.
+    /// Returns the collector of a run in which a motor reverses; no motor does after the time `from` (s).
     pub fn after_reversal(start: f64, from: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
         let from = from.clamp(start, end.max(start));
         let window = whole_turns(speeds_rad_s, end - from);
@@ -179,12 +179,12 @@ impl SteadyCollector {
         }
     }
 
-    /// The same for flagella that mesh where they touch.
+    /// Sets whether the flagella mesh where they touch.
     pub fn meshing(self, mesh: bool) -> Self {
         Self { mesh, ..self }
     }
 
-    /// Begins with the values that another collector begins with, unless it has its own.
+    /// Copies the first values of another collector if this one has none.
     pub(crate) fn begin_with(&mut self, other: &Self) {
         if self.recent.is_empty() {
             self.recent.extend(other.recent.front().filter(|first| first.time >= self.from));
@@ -275,7 +275,7 @@ impl SteadyCollector {
         let from = (0.5 * (self.from + end)).max(end - STRETCH);
         let first = self.cells.partition_point(|cell| cell.time < from);
         let cells: Vec<Cell> = self.cells.range(first..).copied().collect();
-        // Two windows, but for the rounding of their length.
+        // Two windows, except for rounding.
         let is_long = end - self.from >= 2.0 * WINDOW * (1.0 - ROUNDING);
         let Some(means) = is_long.then(|| series::means(&cells, self.cell, self.speeds)).flatten() else {
             return Steady { settled: false, ..self.window() };
@@ -287,7 +287,7 @@ impl SteadyCollector {
         let limits = if touches { TOUCHING } else { FREE };
         let stretch_s = cells.len() as f64 * self.cell;
         if ratio::slips(self.speeds, stretch_s, touches) {
-            // Nothing tells how far from the mean the phases that have passed are.
+            // The phases that have passed do not show how far they are from the mean over all phases.
             levels.iter_mut().for_each(|level| level.standard_error = None);
             return self.state(stretch_s, levels, false);
         }
@@ -304,7 +304,7 @@ impl SteadyCollector {
         if steady.settled {
             return steady;
         }
-        // Where an approach leads is not known: the means are what it has reached.
+        // The end of an approach is not known well: the means are the values that it has reached.
         for (level, mean) in levels.iter_mut().zip(&means) {
             level.mean = mean.mean - mean.to_come;
         }
@@ -328,16 +328,16 @@ impl SteadyCollector {
         [2.0, 1.0].map(|n| self.levels(end - n * self.window, end - (n - 1.0) * self.window))
     }
 
-    /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad: of a difference
-    /// between two windows it leaves this much, if it decays in 18 s.
+    /// Returns by how much a slow approach may still change the mean yaw, pitch and roll of the window, rad, from the
+    /// difference of two windows and a time constant of 18 s.
     pub fn to_come(&self) -> [f64; 3] {
         let [before, last] = self.windows();
         let left = exp(-self.window / SLOWEST_S);
         [0, 1, 2].map(|c| (last[c].mean - before[c].mean).abs() * left / (1.0 - left))
     }
 
-    /// Returns the state without an attitude, as NaN, if the base turned over: its axis pointed below the horizontal, where the
-    /// roll is more than a right angle.
+    /// Returns the state, with an attitude of NaN if the base turned over: its axis pointed below the horizontal, so the roll
+    /// was more than a right angle.
     pub(crate) fn unless_overturned(&self, steady: Steady) -> Steady {
         let (cells, recent) = (self.cells.iter().map(|c| c.values[2]), self.recent.iter().map(|e| e.values[2]));
         if cells.chain(recent).all(|roll| roll.abs() <= FRAC_PI_2) {
@@ -405,7 +405,7 @@ mod tests {
         assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0, standard_error: None });
     }
 
-    /// The attitude of a motor that turned the other way until 3 s before the end is in no mean.
+    /// A motor turned the other way until 3 s before the end: no mean includes the attitude from before.
     #[test]
     fn a_window_begins_after_a_reversal() {
         let mut collector = SteadyCollector::after_reversal(5.0, 42.0, 45.0, [5.3, -7.1]);
@@ -456,7 +456,7 @@ mod tests {
         assert_eq!(settled([84.0, 63.0], true), (true, true));
     }
 
-    /// What flagella that mesh do over minutes is in no shorter run.
+    /// A short run does not show how meshing flagella vary over minutes.
     #[test]
     fn flagella_that_mesh_are_known_after_a_longer_run() {
         let settled = |mesh: bool, touching: bool, end: i32| {
@@ -482,7 +482,7 @@ mod tests {
         assert!((steady.attitude[0].mean - 1.0).abs() < 1e-4);
         assert!((steady.attitude[0].amplitude - 0.1).abs() < 2e-3);
         assert!(steady.settled);
-        // The mean over the window is behind by what is left there: here less than an approach of 18 s would leave.
+        // The mean over the window lags by the rest of the approach: here less than with a time constant of 18 s.
         let [left, first] = [120.0, 108.0].map(|t: f64| (-t / 10.0).exp() * 10.0);
         let behind = 1.0 - collector.window().attitude[0].mean;
         assert!((behind - (first - left) / 12.0).abs() < 1e-6, "{behind}");

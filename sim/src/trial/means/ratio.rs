@@ -13,7 +13,7 @@ const SIMPLE_TOUCHING: i32 = 8;
 /// A beat of fewer turns over a stretch cannot be seen in it: the motion is that of one starting phase.
 pub const SLOWEST_BEAT: f64 = 0.08;
 
-/// Part of a turn that is rounding: the phase of an exact ratio does not slip.
+/// A slip below this part of a turn is rounding: the phase of an exact ratio does not slip.
 const ROUNDING: f64 = 1e-6;
 
 /// Returns the turns of flagellum 1 and 2 in all simple ratios, without a common divisor; the first is not negative.
@@ -21,7 +21,7 @@ pub fn ratios() -> impl Iterator<Item = [i32; 2]> {
     ratios_up_to(SIMPLE)
 }
 
-/// Returns those with at most this p + q.
+/// Returns the ratios with at most this p + q.
 fn ratios_up_to(most: i32) -> impl Iterator<Item = [i32; 2]> {
     (0..=most)
         .flat_map(move |p| (p - most..=most - p).map(move |q| [p, q]))
@@ -35,8 +35,8 @@ pub fn slipped(speeds: [f64; 2], stretch_s: f64, touches: bool) -> impl Iterator
     ratios_up_to(if touches { SIMPLE_TOUCHING } else { SIMPLE }).map(turns)
 }
 
-/// Returns whether speeds (rad/s) have a simple ratio but for a difference by which the phase slips so little over a stretch (s)
-/// that the means over it are those of the phases that have passed, with nothing in them that shows the others.
+/// Returns whether the ratio of the speeds (rad/s) is nearly simple: the phase slips, but so little over a stretch (s) that
+/// its means cover only the phases that have passed and show nothing of the others.
 pub fn slips(speeds: [f64; 2], stretch_s: f64, touches: bool) -> bool {
     slipped(speeds, stretch_s, touches).any(|turns| (ROUNDING..SLOWEST_BEAT).contains(&turns))
 }
@@ -62,7 +62,7 @@ mod tests {
         for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
             assert!(!slips(rpm), "{rpm:?}");
         }
-        // 4:3 and 7:1 matter where the flagella touch alone.
+        // 4:3 and 7:1 matter only where the flagella touch.
         for rpm in [[84.0, 63.01], [71.3, 10.19]] {
             assert!(slips_if(true, rpm) && !slips(rpm), "{rpm:?}");
         }

@@ -4,24 +4,23 @@
 //! series in exp(i (m a1 + n a2)), whose constant term is the mean. A motor angle is a speed times the time, so a term is a
 //! line of the spectrum at the frequency m w1 + n w2 (quasi-periodic motion: Broer and Sevryuk 2010, *Handbook of Dynamical
 //! Systems* 3, 249). The series is fitted to means over short cells by least squares, with the exact mean of each term over
-//! a cell. A mean over a window has the error of the part of a beat that the window cuts off; the constant term has not.
+//! a cell. A mean over a window has an error if the window cuts off a part of a beat; the constant term does not.
 //!
-//! - Terms: |m|, |n| <= 0, 1, 2 or 3, at most 49. Terms that the stretch cannot tell from one with smaller m and n, or from
-//!   the constant, are left out. If the turns of the motors have a simple ratio, the constant term is the mean for this
+//! - Terms: |m|, |n| <= 0, 1, 2 or 3, at most 49. Terms that the stretch cannot distinguish from one with smaller m and n, or
+//!   from the constant, are left out. If the turns of the motors have a simple ratio, the constant term is the mean for this
 //!   starting phase.
-//! - Slow approach: none, one or two decaying exponentials, with the same time constants in all channels. The mean is the value
-//!   that is approached.
+//! - Slow approach: none, one or two decaying exponentials, with the same time constants in all channels. The mean is the
+//!   value approached.
 //! - Which terms and time constants: the mean of all choices, weighted by the Bayesian information criterion B as exp(-B/2)
-//!   (Schwarz 1978, Ann. Stat. 6, 461; Raftery 1995, Sociol. Methodol. 25, 111). Neighbouring cells tell nearly the same,
-//!   so half turns of the faster motor are what it counts as data.
-//! - Standard error, of three independent parts: the long-run variance of the residual, by the initial positive sequence of its
-//!   autocovariances (Geyer 1992, Stat. Sci. 7, 473), times the first diagonal entry of the inverse normal matrix; the
-//!   variance of the mean over the choices; half of what the approach has still to come, since nothing says that it ends as
-//!   it went on.
-//! - A slow beat, of which the stretch holds a part alone, looks like an approach: the mean is off by what is not seen of it.
-//!   A fit with the beat as a term gives the constant of the whole beat; its difference from the mean, and its own standard
-//!   error, are two more parts. It is not the mean itself, since it extrapolates. Where the flagella touch, beats of larger m and
-//!   n count, too ([`ratio::slipped`]).
+//!   (Schwarz 1978, Ann. Stat. 6, 461; Raftery 1995, Sociol. Methodol. 25, 111). Neighbouring cells are nearly equal, so each
+//!   half turn of the faster motor counts as one datum.
+//! - Standard error, of three independent parts: the long-run variance of the residual, by the initial positive sequence of
+//!   its autocovariances (Geyer 1992, Stat. Sci. 7, 473), times the first diagonal entry of the inverse normal matrix; the
+//!   variance of the mean over the choices; half of the remaining approach, since it need not end as it went on.
+//! - A slow beat of which the stretch holds only a part looks like an approach, and the mean lacks the unseen part. A fit
+//!   with the beat as a term gives the constant of the whole beat; the difference of this constant from the mean, and its
+//!   standard error, are two more parts. The constant does not replace the mean, since it is extrapolated. Where the flagella
+//!   touch, beats of larger m and n count, too ([`ratio::slipped`]).
 
 use super::CHANNELS;
 use super::ratio::{self, SLOWEST_BEAT};
@@ -32,23 +31,23 @@ use std::f64::consts::{PI, TAU};
 
 /// Largest m and n.
 const ORDER: i32 = 3;
-/// Lines of the spectrum nearer than this, in turns over the stretch, are one.
+/// Lines of the spectrum nearer than this, in turns over the stretch, count as one.
 const RESOLVED: f64 = 0.8;
-/// Data per fitted term, at least.
+/// Least number of data per fitted term.
 const DATA_PER_TERM: f64 = 1.0;
-/// Time constants of an approach over the stretch, ...
+/// Number of time constants of an approach, relative to the stretch, ...
 const APPROACHES: usize = 10;
 /// ... from this one on, ...
 const FASTEST: f64 = 0.06;
 /// ... each times this.
 const RATIO: f64 = 1.5;
-/// A choice with a smaller weight, over that of the best one, does not count.
+/// A choice with a smaller weight, relative to the best one, does not count.
 const NEGLIGIBLE: f64 = 1e-3;
-/// A column of which less than this is left, as a share of its square, is that of others.
+/// A column depends on others if less than this share of its square is left.
 const SINGULAR: f64 = 1e-9;
 /// Standard error of an extrapolation, as a share of it.
 const EXTRAPOLATED: f64 = 0.5;
-/// Part of a channel's sum of squares that is rounding.
+/// A residual below this part of a channel's sum of squares is rounding.
 const ROUNDING: f64 = 1e-14;
 
 /// Mean values over a cell of time.
@@ -65,11 +64,11 @@ pub struct Cell {
 /// Mean of a channel over the torus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mean {
-    /// The mean, of a motion that has come to its end.
+    /// The mean after the end of a slow approach.
     pub mean: f64,
     /// Standard error of the mean.
     pub standard_error: f64,
-    /// What is still to come at the end of the stretch: the mean less the value that a slow approach has reached.
+    /// The remaining approach at the end of the stretch: the mean less the value reached.
     pub to_come: f64,
 }
 
@@ -79,7 +78,7 @@ pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANN
     let (first, last) = (cells.first()?, cells.last().filter(|_| cells.len() > 1)?);
     let length = last.time - first.time + cell;
     let fastest = speeds[0].abs().max(speeds[1].abs());
-    // A robot whose motors stand has no turns; its cells then count by themselves.
+    // Without a turn of a motor, each cell counts as one datum.
     let data = if fastest * length > TAU { fastest * length / PI } else { cells.len() as f64 };
     let of = |terms: &Terms| {
         let problem = Problem::new(cells, cell, terms, first.time, length);
@@ -102,7 +101,7 @@ pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANN
 /// The terms of the series.
 #[derive(PartialEq)]
 struct Terms {
-    /// By their order, rad/s.
+    /// Frequencies in the sequence of their order, rad/s.
     frequencies: Vec<f64>,
     /// Number of columns up to each order.
     columns: Vec<usize>,
@@ -125,7 +124,7 @@ struct Order {
     values: DMatrix<f64>,
     approaches: DMatrix<f64>,
     first: DVector<f64>,
-    /// What is left for the approaches: normal matrix, products with the values and with the constant.
+    /// The reduced equations of the approaches: normal matrix, products with the values and with the constant.
     normal: DMatrix<f64>,
     products: DMatrix<f64>,
     constant: DVector<f64>,
@@ -147,7 +146,7 @@ struct Problem {
 }
 
 impl Order {
-    /// `None` if the stretch cannot tell the terms apart.
+    /// Returns `None` if the stretch cannot distinguish the terms.
     fn new(normal: &DMatrix<f64>, products: &DMatrix<f64>, columns: usize, harmonics: usize) -> Option<Self> {
         let factor = normal.view((0, 0), (columns, columns)).into_owned().cholesky()?.unpack();
         let values = factor.solve_lower_triangular(&products.rows(0, columns).into_owned())?;
@@ -169,7 +168,8 @@ impl Order {
         })
     }
 
-    /// Returns the inverse normal matrix of some approaches; `None` where they cannot be told from the series or each other.
+    /// Returns the inverse normal matrix of some approaches; `None` where they cannot be distinguished from the series or
+    /// each other.
     fn inverse(&self, approaches: &[usize], whole: &DMatrix<f64>, harmonics: usize) -> Option<DMatrix<f64>> {
         let count = approaches.len();
         let own = DMatrix::from_fn(count, count, |i, j| self.normal[(approaches[i], approaches[j])]);
@@ -247,7 +247,7 @@ impl Problem {
             approaches.extend((one + 1..APPROACHES).map(|other| vec![one, other]));
         }
         let orders = (0..self.orders.len()).filter(|o| self.orders[*o].columns <= most);
-        // An order without a term of its own is the one before it.
+        // An order without terms of its own equals the order before it.
         let orders = orders.filter(|o| *o == 0 || self.orders[*o].columns > self.orders[o - 1].columns);
         let all = orders.flat_map(|order| {
             approaches.iter().map(move |approaches| Choice { order, approaches: approaches.clone() })
@@ -299,8 +299,8 @@ impl Problem {
     }
 }
 
-/// Returns the terms. `cell` and `length`: of a cell and of the stretch, s; `slowest`: least frequency of a term, in turns over
-/// the stretch; `touches`: whether the flagella touch.
+/// Returns the terms. `cell` and `length`: lengths of a cell and of the stretch, s; `slowest`: least frequency of a term, in
+/// turns over the stretch; `touches`: whether the flagella touch.
 fn terms(speeds: [f64; 2], cell: f64, length: f64, slowest: f64, touches: bool) -> Terms {
     let (apart, slowest) = (RESOLVED * TAU / length, slowest * TAU / length);
     let mut found: Vec<f64> = Vec::new();
@@ -318,7 +318,7 @@ fn terms(speeds: [f64; 2], cell: f64, length: f64, slowest: f64, touches: bool) 
                 }
                 let frequency = (f64::from(m) * speeds[0] + f64::from(n) * speeds[1]).abs();
                 let is_new = found.iter().all(|other| (other - frequency).abs() > apart);
-                // Above half a turn in a cell little of a term is left in its means.
+                // Above half a turn per cell, little of a term is left in the means of cells.
                 if frequency > slowest && is_new && frequency * cell < 1.01 * PI {
                     found.push(frequency);
                 }
@@ -365,13 +365,13 @@ mod tests {
         (0..count).map(of).collect()
     }
 
-    /// Numbers about 0 with the variance 1: sums of twelve.
+    /// Returns random numbers of mean 0 and variance 1: sums of twelve uniform ones.
     fn noise(seed: u64) -> impl FnMut() -> f64 {
         let mut places = 1..;
         move || places.by_ref().take(12).map(|place| uniform(seed, place)).sum::<f64>() - 6.0
     }
 
-    /// Beats that the stretch does not hold a whole number of: a mean over it is off by a thirtieth of their amplitude.
+    /// The stretch holds no whole number of beats: a plain mean over it is off by a thirtieth of their amplitude.
     #[test]
     fn the_mean_of_a_motion_of_two_angles_is_its_constant_term() {
         let speeds = [-4.813, 6.674];
@@ -445,9 +445,9 @@ mod tests {
             within += usize::from(fitted.mean.abs() < 2.0 * fitted.standard_error);
             errors.push(fitted.standard_error);
         }
-        // Of a normal distribution 95 % are; some approaches that are not there make it more.
+        // 95 % of normal errors are within; fits of spurious approaches raise this share.
         assert!(within >= 280, "{within} of 300");
-        // Most are up to twice the standard deviation of a mean of such noise, for the approaches that it may hide.
+        // Most errors are at most twice the standard deviation of a mean of such noise: it may hide approaches.
         errors.sort_by(f64::total_cmp);
         let median = errors[errors.len() / 2] / (2.0 * 0.5f64 / 40.0).sqrt();
         assert!((0.8..2.5).contains(&median), "{median}");

@@ -7,7 +7,7 @@ use crate::trial::means::Level;
 use OverPhases::{Largest, Least, Mean, Sum};
 use Place::{Sweep, Trials};
 
-/// A pure number of the robot in every place. A row states what differs.
+/// Default row: a pure number of the robot, in every table. A row states only its differences.
 const NUMBER: Quantity = Quantity {
     stem: "",
     unit: "1",

@@ -34,9 +34,9 @@ pub struct Quantity {
     about: &'static str,
     /// Its parts.
     pub shape: Shape,
-    /// How it is stated for several starting phases.
+    /// How values of several starting phases are combined.
     pub over_phases: OverPhases,
-    /// Where it is not stated, because it is stated there in another form or was not asked for.
+    /// Tables without it, because they state it in another form or do not need it.
     not_in: &'static [Place],
     /// The level of a part in the steady state; `None` if only samples have it.
     level: Option<fn(&Summary, usize) -> Level>,
@@ -59,7 +59,7 @@ pub enum Shape {
     VectorOfEach,
 }
 
-/// How a quantity is stated for several starting phases.
+/// How the values of a quantity for several starting phases are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OverPhases {
     /// By its mean.
@@ -82,7 +82,7 @@ pub enum Place {
     Trials,
 }
 
-/// A part of a quantity, which is a number.
+/// A part of a quantity: one number.
 #[derive(Clone, Debug)]
 pub struct Column {
     /// The quantity.
@@ -157,7 +157,7 @@ impl Quantity {
         }
     }
 
-    /// Returns its key in a record; that of the first flagellum if each has a key of its own.
+    /// Returns its key in a record; the first flagellum's key if each has its own.
     pub fn key(&self) -> String {
         self.keys("").swap_remove(0).0
     }
@@ -195,7 +195,7 @@ impl Quantity {
         })
     }
 
-    /// Returns what it is: of this flagellum, from 0, or of each.
+    /// Returns its description, for this flagellum (counted from 0) or for each.
     pub fn label(&self, flagellum: Option<usize>) -> String {
         let of = flagellum.map_or("each flagellum".to_owned(), |k| format!("flagellum {}", k + 1));
         self.about.replace("flagellum #", &of).replace('@', "")
@@ -206,14 +206,14 @@ impl Quantity {
         !self.not_in.contains(&place)
     }
 
-    /// Returns whether its parts are numbers beside each other, not a list.
+    /// Returns whether it is a single number, not a list.
     pub fn is_single(&self) -> bool {
         matches!(self.shape, Shape::Number | Shape::Count | Shape::Mean)
     }
 }
 
 impl Column {
-    /// Returns what it is.
+    /// Returns its description.
     pub fn about(&self) -> String {
         let (flagellum, axis) = match self.quantity.shape {
             Shape::VectorOfEach => (self.part / 3, [" along x", " along y", " along z (thrust)"][self.part % 3]),

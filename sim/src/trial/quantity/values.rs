@@ -36,7 +36,7 @@ impl Values {
         Self { numbers, errors }
     }
 
-    /// Returns the values that stand for those of several starting phases. There must be at least one.
+    /// Returns the combined values of several starting phases. There must be at least one.
     pub fn over_phases(phases: &[Self]) -> Self {
         let (numbers, errors) = columns(FLAGELLA)
             .map(|column| {
@@ -48,7 +48,7 @@ impl Values {
         Self { numbers, errors }
     }
 
-    /// Returns the largest less the smallest value of several starting phases, for each column; NaN if one of them is.
+    /// Returns the largest less the smallest value of several starting phases, for each column; NaN if one value is NaN.
     pub fn spreads(phases: &[Self]) -> Vec<f64> {
         let spread = |i: usize| {
             let of = || phases.iter().map(|phase| phase.numbers[i]);
@@ -58,7 +58,7 @@ impl Values {
         (0..columns(FLAGELLA).count()).map(spread).collect()
     }
 
-    /// Returns a quantity: that of the first flagellum, along x, if it has several parts. NaN if it is unknown.
+    /// Returns the value of a quantity, or its first part (flagellum 1, x axis) if it has several. NaN if it is unknown.
     pub fn get(&self, quantity: &Quantity) -> f64 {
         self.numbers[quantity.start()]
     }
@@ -78,7 +78,7 @@ impl Values {
         [YAW, PITCH, ROLL].map(|angle| self.errors[angle.start()].map(|error| 2.0 * error))
     }
 
-    /// Computes what older logs do not state from what they do.
+    /// Computes quantities that older logs lack from others.
     fn completed(mut self) -> Self {
         let [_, pitch, roll] = self.angles_deg();
         let thrust = self.parts(&FORCE).chunks(3).map(|force| force[2]).sum();
@@ -91,7 +91,7 @@ impl Values {
 }
 
 impl OverPhases {
-    /// NaN if one value is.
+    /// Returns the combined value; NaN if one value is NaN.
     fn of(self, values: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = values.len() as f64;
         match self {
@@ -109,8 +109,8 @@ impl OverPhases {
 
 /// Returns the standard error of the mean over starting phases from those of the phases; `None` where one is unknown.
 ///
-/// It is their mean, as for values whose errors are the same. What the solver misses has mostly one sign in all phases, and most
-/// standard errors are those of the solver ([`crate::trial::means`]): more phases do not average it away.
+/// It is the mean of these errors, as for fully correlated values. Most standard errors are those of the solver
+/// ([`crate::trial::means`]), whose error mostly has one sign in all phases: more phases do not average it away.
 fn error_of_mean(errors: impl ExactSizeIterator<Item = Option<f64>>) -> Option<f64> {
     let count = errors.len() as f64;
     let sum: Option<f64> = errors.sum();
@@ -145,7 +145,7 @@ impl Serialize for Values {
     }
 }
 
-/// Keys that are missing leave their values unknown; others are ignored.
+/// Missing keys leave their values unknown; other keys are ignored.
 impl<'de> Deserialize<'de> for Values {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Record;
