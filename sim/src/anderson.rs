@@ -6,7 +6,7 @@ use crate::linear::solve;
 
 /// Number of differences of iterates that are combined.
 const DEPTH: usize = 5;
-/// A combination with larger coefficients amplifies noise.
+/// Largest coefficient of a combination: larger ones amplify noise.
 const LARGEST: f64 = 30.0;
 /// Tikhonov regularisation of the least-squares problem, over its largest diagonal entry: nearly parallel changes must not
 /// make it singular.

@@ -1,7 +1,7 @@
 //! Elementary functions with the same bits on every machine.
 //!
-//! Those of the standard library call the system's, whose last bits depend on its version and on the processor. Clippy
-//! refuses them in what computes results (`clippy.toml`). Roots, magnitudes and roundings are exact everywhere.
+//! The standard library's functions call the system's, whose last bits depend on its version and on the processor. Clippy
+//! forbids them in code that computes results (`clippy.toml`). Roots, magnitudes and roundings are exact everywhere.
 
 pub use libm::{
     acos, asin, asinh, atan, atan2, cos, cosh, exp, hypot, log10, pow, sin, sincos as sin_cos, sinh, tan, tanh,

@@ -70,7 +70,7 @@ impl<S: Simd> Wide<S> {
     /// Returns the smaller number in each lane; the number of `other` if one is a NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
-        // Instructions for minima differ in what they do with a NaN.
+        // Processors' minimum instructions treat a NaN differently.
         let is_smaller = self.simd.less_than_f64s(self.value, other.value);
         Self { value: self.simd.select_f64s(is_smaller, self.value, other.value), ..self }
     }
@@ -107,7 +107,7 @@ impl<S: Simd> Wide<S> {
     /// Returns sine and cosine, good to rounding for angles up to some thousand revolutions.
     #[inline(always)]
     pub fn sin_cos(self) -> (Self, Self) {
-        // A quarter of the angle, less whole revolutions, has a short series; the angle is then doubled twice.
+        // The series is short for a quarter of the angle less whole revolutions; the angle is then doubled twice.
         let turns = self.scaled(1.0 / TAU).round();
         let quarter = (self - turns.scaled(TAU_HIGH) - turns.scaled(TAU - TAU_HIGH)).scaled(0.25);
         let square = quarter * quarter;

@@ -1,7 +1,7 @@
 //! The machine's vector instructions, chosen at run time, with the same bits from each of them.
 //!
-//! A thin layer over [`pulp`]. Every operation works lane by lane and rounds once, so that its result does not depend on
-//! the width; whatever adds lanes to each other must use the same tree at every width, such as [`Simd::sum_f64s`].
+//! A thin layer over [`pulp`]. Every operation works lane by lane and rounds once, so that its result does not depend on the
+//! width. Code that adds lanes to each other must use the same tree at every width, as [`Simd::sum_f64s`] does.
 
 use pulp::{Arch, Scalar};
 
@@ -42,7 +42,7 @@ pub trait Simd: pulp::Simd {
 
 /// Work that is compiled for each kind of vector instructions.
 pub trait Kernel {
-    /// What it returns.
+    /// Its result.
     type Output;
 
     /// Does the work; inlined, because only the caller is compiled for these instructions.
@@ -106,7 +106,7 @@ fused!(pulp::x86::V3, pulp::x86::V4);
 #[cfg(target_arch = "aarch64")]
 fused!(pulp::aarch64::Neon);
 
-/// Processors without such instructions compute the same in many.
+/// Processors without such instructions compute the same result with many others.
 impl Simd for Scalar {
     #[inline(always)]
     fn fused_f64s(self, a: f64, b: f64, c: f64) -> f64 {
@@ -119,7 +119,7 @@ impl Simd for Scalar {
     }
 }
 
-/// Every way that this machine can run a kernel, for the test that all give the same bits.
+/// All kinds of vector instructions on which this machine can run a kernel, for the test that they give the same bits.
 #[cfg(test)]
 pub mod paths {
     use super::{Kernel, Scalar, Simd, vectorize};
@@ -153,7 +153,7 @@ pub mod paths {
         CHOSEN.get()
     }
 
-    /// Returns the ways of this machine.
+    /// Returns the kinds of vector instructions of this machine.
     pub fn all() -> Vec<Path> {
         let mut all = vec![Path::Scalar];
         #[cfg(target_arch = "x86_64")]
@@ -182,7 +182,7 @@ pub mod paths {
             }
         }
 
-        /// Calls a function whose kernels go this way.
+        /// Calls a function with its kernels compiled this way.
         pub fn with<T>(self, call: impl FnOnce() -> T) -> T {
             CHOSEN.set(Some(self));
             let out = call();

@@ -13,8 +13,8 @@ pub enum Bundling {
     /// No contact with each other.
     #[default]
     Apart,
-    /// Contact of one with the other, with the helix axes side by side or crossing once. A flagellum that touches itself alone
-    /// is apart.
+    /// Contact with each other, with the helix axes side by side or crossing once. Contact of a flagellum with itself does
+    /// not count.
     Touching,
     /// Contact, with the helix axes wound round each other.
     Bundled,

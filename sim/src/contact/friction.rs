@@ -4,14 +4,14 @@
 //! speed v of the surfaces. The solver takes the piecewise linear law with the same slope and limits: the force f(v)
 //! opposes the sliding velocity, grows in proportion to it up to `slip`, and is mu lambda beyond.
 //!
-//! A rod's surface moves with v + w x r: v is the velocity of its centre line, w the angular velocity of its
-//! cross-sections, spin included, r the arm from the centre line to the contact. So the force has a couple r x f about each
-//! centre line, [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the forces
-//! in a sweep is one of the sweep's errors.
+//! A rod's surface moves with v + w x r: v is the velocity of its centre line, w the angular velocity of its cross-sections,
+//! spin included, r the arm from the centre line to the contact. So the force has a couple r x f about each centre line,
+//! [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the friction forces in a
+//! sweep counts as one of the sweep's errors.
 //!
 //! Some steps with friction cannot be solved: soft flagella that unwrap when one motor reverses stick and snap. With a
-//! coefficient of 0.1 or more the trial then ends (0.05 passes). Flagella that mesh, both senses negative, pass with
-//! 0.3.
+//! coefficient of 0.1 or more the trial then fails; with 0.05 it succeeds. Flagella that mesh, with both speeds negative,
+//! succeed with 0.3.
 
 use crate::V3;
 

@@ -1,7 +1,7 @@
 //! History of the flagella's bundling state: apart, touching or bundled.
 //!
-//! Flagella that touch once per turn count as touching throughout: a closer state is taken over at once, a looser one
-//! after it has lasted for [`RELEASE_DELAY_S`].
+//! Flagella that touch once per turn count as touching throughout: a closer state is recorded at once, a looser one after it
+//! has lasted for [`RELEASE_DELAY_S`].
 
 use super::bundling::Bundling;
 use serde::{Deserialize, Serialize};

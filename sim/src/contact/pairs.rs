@@ -34,7 +34,7 @@ const COINCIDENT: f64 = 1e-12;
 /// Cosine of a change of direction, about 100 degrees, beyond which a normal has changed its side. A change near 90
 /// degrees is a contact that slides over the end of an edge.
 const FLIPPED: f64 = -0.2;
-/// A force is handed over to a new pair at most this many edges away: contact slides less in a step.
+/// A force goes to a new pair at most this many edges away: contact slides less in a step.
 const SLIDE_EDGES: f64 = 3.0;
 /// Only pairs within this many contact distances show on which side the rods are.
 const SIDE_DISTANCES: f64 = 1.5;

@@ -225,7 +225,8 @@ macro_rules! kernel {
                     let [sx, sy, sz, fx, fy, fz] = sources;
                     let e2 = simd.$splat(self.e2);
                     // Registers of targets. If the last targets fill at most three quarters of the widest register, they are
-                    // summed over registers of sources. What is summed how must not depend on the machine's width.
+                    // summed over registers of sources. The order of the sums must not depend on the machine's register
+                    // width.
                     let blocked = (*targets + LANES / 4 - 1) / LANES * LANES;
                     {
                         let count = self.count;

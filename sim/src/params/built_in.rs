@@ -1,4 +1,4 @@
-//! The robots that need no file.
+//! The built-in robots.
 
 use super::{Fluid, Head, HeadShape, Joint, Robot};
 

@@ -55,7 +55,7 @@ pub struct Robot {
     pub fluid: Fluid,
     /// The effect of the base on the fluid.
     pub head: Head,
-    /// The tank about it; without one the fluid has no bounds.
+    /// The tank around it; without one the fluid is unbounded.
     pub tank: Option<Tank>,
     /// Ball joint and tether.
     pub joint: Joint,
@@ -69,19 +69,19 @@ pub struct Robot {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Base {
-    /// Mass in kg (0.094, publication). Enters the righting moment and nothing else.
+    /// Mass in kg (0.094, publication). Only the righting moment depends on it.
     pub mass_kg: f64,
-    /// Radius in m (0.0135, publication). Cubed in the base's drag.
+    /// Radius in m (0.0135, publication). The base's drag grows with its cube.
     pub radius_m: f64,
     /// Height from the joint down to the shafts' feet in m (0.0375, publication): the lever of lateral forces.
     pub height_m: f64,
-    /// Distance of the shafts in m (0.045, publication). Too small and the flagella touch at rest.
+    /// Distance of the shafts in m (0.045, publication). If it is too small, the flagella touch at rest.
     pub motor_distance_m: f64,
-    /// Principal moments of inertia about x_B, y_B, z_B in kg m2 (1.63e-5, 1.63e-5, 0.91e-5, from a
-    /// commented table of the publication's source). Matters for milliseconds only.
+    /// Principal moments of inertia about x_B, y_B, z_B in kg m2 (1.63e-5, 1.63e-5, 0.91e-5, from a commented table of the
+    /// publication's source). Its effect lasts only milliseconds.
     pub inertia_kg_m2: [f64; 3],
-    /// Mass centre below the joint in m (0.002, publication): an effective value, m g r_m stands for everything that
-    /// hangs from the joint. With zero, nothing rights the robot.
+    /// Mass centre below the joint in m (0.002, publication): an effective value: m g r_m includes everything that hangs from
+    /// the joint. With zero, nothing rights the robot.
     pub mass_centre_below_joint_m: f64,
     /// Coefficient C_r of the base's rotational drag 2 pi mu C_r r_h^3 (2.3, publication).
     pub rotational_drag: f64,
@@ -125,8 +125,8 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
-    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). On a rig this parameter must be fitted,
-    /// because the motor angle is zero where the encoder began to count.
+    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). For a rig it must be fitted, because the motor
+    /// angle is zero where the encoder began to count.
     pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,
@@ -199,8 +199,8 @@ pub struct Fluid {
     /// Glycerol and water instead of the two values above.
     pub glycerol: Option<Glycerol>,
     /// Drag on the rods' spin about their own centre lines, as a share of a round rod's couple 4 pi mu a^2 per metre
-    /// (`physical`: 1, a round rod; `published`: 0). Changes of the spin in the shaft's frame have at least
-    /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of it.
+    /// (`physical`: 1, a round rod; `published`: 0). The drag on changes of the spin in the shaft's frame is at least
+    /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of this couple.
     pub spin_drag: f64,
     /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
     /// none). A line of regularised Stokeslets has the drag of a round rod whose radius is exp(-1/2) times the

@@ -1,11 +1,11 @@
 //! The couple of the fluid on a rod that spins about its own centre line.
 //!
-//! A round rod of radius a that turns about its tangent t with the rate w_t feels the couple -4 pi mu a^2 w_t t a metre
-//! (the rotlets of Chwang and Wu 1974, J. Fluid Mech. 63, 607, for a slender body). The material frame turns against
-//! the fluid at rest with the rate w_t = d(theta)/dt + t.W: theta is the angle of an edge in its time-parallel frame, W
-//! the angular velocity of the shaft's frame (motor and body). The couple enters the torque balance of every edge and
-//! so changes the twist; the couple on the clamped edge acts on the clamp. It moves no fluid: the rotlets' own flow is
-//! of the same order as other terms that slender-body theory leaves out.
+//! A round rod of radius a that turns about its tangent t with the rate w_t feels the couple -4 pi mu a^2 w_t t a metre (the
+//! rotlets of Chwang and Wu 1974, J. Fluid Mech. 63, 607, for a slender body). The material frame turns against the fluid at
+//! rest with the rate w_t = d(theta)/dt + t.W: theta is the angle of an edge in its time-parallel frame, W the angular
+//! velocity of the shaft's frame (motor and body). The couple enters the torque balance of every edge and so changes the
+//! twist; the couple on the clamped edge acts on the clamp. The flow of the rotlets is left out: it is of the same order as
+//! other terms that slender-body theory neglects.
 
 use crate::functions::tanh;
 
@@ -43,8 +43,8 @@ impl SpinDrag {
         reach / twist / (1.0 / tanh(above / reach) + tanh(below / reach))
     }
 
-    /// Returns the torque of the fluid on an edge about its tangent, N m. `length`: of the edge, m; `change`: rate of its
-    /// angle, rad/s; `frame`: angular velocity of the shaft's frame along the tangent, rad/s.
+    /// Returns the torque of the fluid on an edge about its tangent, N m. `length`: length of the edge, m; `change`: rate of
+    /// its angle, rad/s; `frame`: angular velocity of the shaft's frame along the tangent, rad/s.
     #[inline(always)]
     pub fn torque(&self, length: f64, change: f64, frame: f64) -> f64 {
         -self.change * length * change - self.frame * length * frame

@@ -75,7 +75,7 @@ pub fn finish(
             (alone.finish(), alone.error)
         }
     };
-    // The weight acts at the base's own attitude, also if the flagella are computed on a base held still.
+    // The weight acts at the base's own attitude, even if the flagella are computed for a base held still.
     let down = next.attitude.inverse_transform_vector(&-V3::z());
     let pressing = || contacts.pairs.iter().filter(|p| p.force > 0.0);
     let report = StepReport {

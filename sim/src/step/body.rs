@@ -1,4 +1,4 @@
-//! The base within a step: its angular velocity is the unknown, its attitude follows.
+//! The base within a step: its angular velocity is the unknown, and its attitude follows from it.
 //!
 //! The time formula acts on rotation vectors in axes of the attitude at the step's start; their rate for an angular
 //! velocity w is the inverse right Jacobian of the rotation group times w.
@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector6};
 const ITERATIONS: u32 = 50;
 /// Relative change of the rate at which the iterations end.
 const RATE_ERROR: f64 = 1e-10;
-/// Added to the rate in this ratio, rad/s: a base at rest has no rate.
+/// Added to the rate in this ratio, rad/s, because the rate of a base at rest is zero.
 const LEAST_RATE: f64 = 1e-3;
 
 /// The base's unknowns and its time formula.

@@ -1,8 +1,8 @@
 //! Compliance of both rods to forces between them: one column for each active pair.
 //!
-//! A column is the displacement of both rods within the step for a unit force in the pair: the force moves the fluid at
-//! its own rod and at the other, and the frozen inverses give how the rods follow that flow. However rough the inverses
-//! are, the gaps that a sweep solves for are closed to second order.
+//! A column is the displacement of both rods within the step for a unit force in the pair: the force moves the fluid at its
+//! own rod and at the other, and the frozen inverses give how the rods follow that flow. Even with rough inverses, a sweep
+//! closes the gaps that it solves for to second order.
 
 use super::flagellum::Flagellum;
 use super::problem::StepProblem;

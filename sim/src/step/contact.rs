@@ -341,7 +341,8 @@ fn shapes(flagella: &[Flagellum; 2]) -> [&[V3]; 2] {
     [&flagella[0].shape.nodes, &flagella[1].shape.nodes]
 }
 
-/// Returns the displacement of a pair's surfaces by the twist from the friction of the pair and its neighbours, m/N.
+/// Returns the displacement of a pair's surfaces per friction force, m/N, from the twist that the pair and its neighbours
+/// cause.
 fn twist_compliance<'a>(pair: &Pair, pressing: impl Iterator<Item = &'a Pair> + Clone, problem: &StepProblem) -> f64 {
     let model = problem.model;
     let drag = model.robot.spin_drag();

@@ -44,8 +44,8 @@ const CONTACT_LEVEL: u32 = 4;
 const POST_CONTACT_STEPS: u32 = 40;
 /// Steps after contact in which formulas take one point less, and the prediction another: the motion had a kink.
 const KINK_STEPS: u32 = 4;
-/// Steps below this angle, rad, take one point less, and so do clamps that do not move, with one sweep a step: there the error
-/// is small, and formulas of all points amplify what iterations leave, even of a robot at rest.
+/// Steps below this angle, rad, take one point less, and so do all steps with clamps that do not move, which need one sweep.
+/// Their error is small, and formulas of all points amplify the errors that iterations leave, even for a robot at rest.
 const LEAST_ANGLE: f64 = 0.1;
 /// Motors slower than this, rad/s, do not limit the step.
 const LEAST_SPEED: f64 = 1e-9;
@@ -54,15 +54,14 @@ const STRETCH: f64 = 1.01;
 
 /// Chooses the length of each step by the outcome of the last ones.
 ///
-/// Lengths are the longest one, `solver.step_rad`, and its repeated halves: few lengths need few frozen inverses. A
-/// step whose estimated error is above `solver.step_error` is repeated with half its length; small errors let later steps
-/// grow again. It is an error of displacements. Errors of mean loads are small if all steps have the same one, as
-/// `truncation` derives.
+/// Lengths are the longest one, `solver.step_rad`, and its repeated halves: few lengths need few frozen inverses. A step
+/// whose estimated error is above `solver.step_error` is repeated with half its length; small errors let later steps grow
+/// again. The error is a displacement. Errors of mean loads are smallest if all steps have the same error, see `truncation`.
 ///
-/// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
-/// and their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, and steps do
-/// not follow them: the formula's errors cancel over a turn of even steps, but not of uneven ones. Means would be worse
-/// with more steps. `sim/docs/cost.md` has the errors of means.
+/// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second, and
+/// their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, but steps do not
+/// follow them: the formula's errors cancel over a turn of even steps, but not of uneven ones. Uneven steps would be more
+/// steps with less accurate means. `sim/docs/cost.md` has the errors of means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {
     /// Number of halvings of the present step.
@@ -160,8 +159,8 @@ impl StepControl {
         (self.level, self.easy_steps) = (level, 0);
     }
 
-    /// Adapts the level to an accepted step. `has_estimate`: whether its error is known, without which the next one is not
-    /// longer; `angle`: angle of the step, rad.
+    /// Adapts the level to an accepted step. `has_estimate`: whether its error is known; if not, the next step is not longer;
+    /// `angle`: angle of the step, rad.
     fn succeeded(&mut self, solver: &Solver, report: &StepReport, has_estimate: bool, angle: f64) {
         let model = solver.model();
         let settings = &model.robot.solver;

@@ -55,7 +55,7 @@ pub struct SweepErrors {
     pub gap: f64,
 }
 
-/// Changes of one sweep beside those of the rods.
+/// Changes of one sweep besides those of the rods.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changes {
     /// Of the base's rate, rad/s.

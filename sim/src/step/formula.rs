@@ -7,9 +7,9 @@
 //! formula becomes BDF4.
 //!
 //! The other flagellum and the tilted base move a flagellum with other frequencies: the difference of the motors' speeds, and
-//! twice its own. There the formula is one of fourth order. One of third order ({1, t, cos wt, sin wt}) tilts the base by up to
-//! 0.3 deg at fast opposite speeds with steps of 0.3 rad, because errors of oscillations do not average out of a load that
-//! depends on the shape.
+//! twice its own. For these the formula has fourth order. A formula of third order ({1, t, cos wt, sin wt}) tilts the base by
+//! up to 0.3 deg at fast opposite speeds with steps of 0.3 rad, because the errors of oscillations do not average out in a
+//! load that depends on the shape.
 
 use crate::functions::{cos, powi, sin};
 use crate::linear::eliminate;
@@ -53,7 +53,7 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     }
 }
 
-/// Returns weights of `times`: the weighted sum of each basis function's values is its entry of `right`.
+/// Returns the weights of `times`: the weighted sum of each basis function's values equals its entry in `right`.
 fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
     let size = times.len().min(POINTS);
     let mut rows = [[0.0; POINTS + 1]; POINTS];

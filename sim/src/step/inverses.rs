@@ -30,7 +30,7 @@ const KEPT: usize = 24;
 /// Cost of new shapes, in sweeps. New shapes save more than they cost if the present step has more sweeps than the
 /// average since the last new shapes, with their cost included.
 const RENEWAL_SWEEPS: u64 = 30;
-/// Fewer sweeps than this are no reason for new shapes: contact and the base need some with any inverse.
+/// Least number of sweeps for new shapes: contact and the base need some sweeps with any inverse.
 const MANY_SWEEPS: u64 = 8;
 
 /// Half sweeps of a step of free motion without excess: a moving base takes two sweeps, and some steps three.
@@ -38,7 +38,7 @@ const ENOUGH: u64 = 5;
 /// Excess after which free motion gets new shapes, in half sweeps: about the cost of a few dense inverses.
 const LARGEST_EXCESS: u64 = 300;
 
-/// The shapes about which the equations of both rods are linearised, and how they have served.
+/// The shapes about which the equations of both rods are linearised, and the cost of the steps with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Linearisation {
     rods: [RodState; 2],
@@ -48,8 +48,8 @@ pub struct Linearisation {
     sweeps: u64,
     /// Half sweeps above [`ENOUGH`] since the last contact; it falls in steps with fewer.
     excess: u64,
-    /// Number of times in a row that an excess has chosen them. Each time it must be twice as large, as new shapes may
-    /// not help.
+    /// Number of successive times that an excess has led to new shapes. Each time it must be twice as large, as new shapes
+    /// may not help.
     renewals: u32,
 }
 

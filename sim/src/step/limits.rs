@@ -6,7 +6,7 @@ use crate::rod::Rod;
 
 /// Pairs of edges closer than this gap, in rod radii, are pairs of the step.
 const WATCHED_RADII: f64 = 0.5;
-/// Pairs closer than a rod radius over this are solved for, the others only watched.
+/// Pairs with a gap below a rod radius over this are solved for, the others only watched.
 const ACTIVE_FRACTION: f64 = 30.0;
 /// Largest plausible force of a pair, in units of EI/length^2, the scale of a flagellum's buckling load. Above it the
 /// iteration has diverged.
@@ -37,11 +37,11 @@ pub struct Limits {
     pub watched: f64,
     /// Gap below which pairs are solved for.
     pub active_gap: f64,
-    /// Largest error of the gap law in a step that counts.
+    /// Largest error of the gap law in a converged step.
     pub gap_error: f64,
     /// Overlap from which a pair found late must be solved for.
     pub overlap: f64,
-    /// Largest error of the held closest points in a step that counts.
+    /// Largest error of the held closest points in a converged step.
     pub held_error: f64,
     /// A pair's force at or above this means that the iteration has diverged.
     pub largest_force: f64,

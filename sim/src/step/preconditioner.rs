@@ -59,8 +59,8 @@ pub struct Preconditioner {
     pub response: BaseResponse,
 }
 
-/// What a velocity (m/s) and an angular velocity (rad/s) of the base at the shaft's foot change within one step, shaft
-/// frame.
+/// Response of a rod within one step to a velocity (m/s) and an angular velocity (rad/s) of the base at the shaft's foot,
+/// shaft frame.
 #[derive(Clone, Debug)]
 pub struct BaseResponse {
     /// Force and torque of the fluid on the rod, about the foot: N s/m and N m s.
@@ -72,7 +72,7 @@ pub struct BaseResponse {
 #[derive(Clone, Debug)]
 enum Inverse {
     Dense(Panels),
-    /// Of the matrix with the clamp's columns first, so that its pivots are blocks of neighbouring nodes.
+    /// Factors of the matrix with the clamp's columns first, so that its pivots are blocks of neighbouring nodes.
     Factored(Factors),
 }
 
@@ -281,8 +281,8 @@ impl Equations {
 
 /// Segments up to this many edges away from a node are integrated exactly in a coarse mobility ...
 const NEAR_EDGES: usize = 2;
-/// ... and up to this many regularisations: nearer ones at their ends make the mobility of a thick rod indefinite, and its
-/// inverse useless.
+/// ... and up to this many regularisations: with the density of nearer segments at their ends, the mobility of a thick rod is
+/// indefinite and its inverse useless.
 const NEAR_EPSILONS: f64 = 3.0;
 
 /// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends. The error

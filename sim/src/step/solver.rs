@@ -17,8 +17,7 @@ use crate::params::Closure;
 use crate::params::{ParamError, Robot, SolverSettings};
 use crate::rod::Rod;
 
-/// Solves steps of one robot with one closure. It remembers nothing that changes a result: [`State`] holds all such
-/// data.
+/// Solves steps of one robot with one closure. All data that affect results are in [`State`], not in the solver.
 #[derive(Clone, Debug)]
 pub struct Solver {
     model: Model,

@@ -1,7 +1,7 @@
 //! The sweeps of a step: flagellum 1, flagellum 2, contact, base, until all of them agree.
 //!
-//! Both flagella move with the base as soon as it is corrected. If they waited for the next sweep, what two sweeps leave
-//! would let the attitude wander by some thousandths of a degree.
+//! Both flagella move with the base as soon as it is corrected. If they waited for the next sweep, the error left by two
+//! sweeps would let the attitude wander by some thousandths of a degree.
 
 use super::body::BodySolve;
 use super::contact::{ContactChange, Contacts};

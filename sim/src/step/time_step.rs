@@ -36,8 +36,8 @@ pub struct Weights {
     /// Of the derivative over the step: the new point first, then the past.
     pub derivative: [f64; POINTS],
     /// Of the prediction: the past, newest first. From all points it is the mean of the extrapolations from all of them and
-    /// without the oldest one. The first amplifies what the iterations of earlier steps have left, the second is less accurate;
-    /// what two sweeps leave of either shows in the means.
+    /// without the oldest one. The first amplifies the errors left by the iterations of earlier steps, the second is less
+    /// accurate; the part of either error that two sweeps leave shows in the means.
     pub prediction: [f64; POINTS],
     /// Of the extrapolation for the error estimate: the past, newest first.
     pub extrapolation: [f64; POINTS],
@@ -62,7 +62,7 @@ pub struct TimeStep {
     pub prediction_points: usize,
     /// Points of the extrapolation.
     pub past_points: usize,
-    /// Whether they are as many as the attempt wants, which the estimate of the error needs.
+    /// Whether there are as many as the attempt asks for: the estimate of the error needs them.
     pub has_estimate: bool,
     /// Weights for each rod, fitted to the speed of its own motor.
     pub rods: [Weights; 2],

@@ -2,7 +2,7 @@
 //! machine has, against hashes from another machine.
 //!
 //! `BIFLAG_WRITE_GOLDEN=1 cargo test --release -p sim --lib same_bits` writes the hashes again, for a change of the model.
-//! With `-- --nocapture` it prints what each trial costs.
+//! With `-- --nocapture` it prints the cost of each trial.
 
 use crate::params::{Closure, Precision, Robot, Tank};
 use crate::simd::paths;
@@ -40,7 +40,7 @@ fn trials() -> [Case; 9] {
     ]
 }
 
-/// Hashes all that a trial gives: its samples, its results and its last state.
+/// Hashes the output of a trial: its samples, its results and its last state.
 fn of_trial((name, robot, rpm, seconds): &Case) -> u64 {
     let profile = SpeedProfile::constant(*rpm, *seconds).expect("a profile");
     let options = Options { shapes: true, ..Options::default() };
