@@ -36,9 +36,9 @@ impl Default for Attitude {
 }
 
 impl Attitude {
-    /// Advances by `ticks`, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
-    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead. One reading gives the
-    /// direction of up for one tick: in a swing, its error would otherwise count for the whole of a longer time.
+    /// Advances by `ticks`, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the first
+    /// after [`Attitude::restart`], levels the quaternion by `acceleration` instead. The reading's direction of up counts for
+    /// one tick only: in a swing, its error would otherwise count for all `ticks`.
     #[inline(never)]
     pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], ticks: u8, gains: Gains) {
         let mut up = acceleration;
@@ -137,8 +137,8 @@ pub fn add(vector: &mut [f32], other: &[f32]) {
     }
 }
 
-/// Replaces half the turn in a gap of the readings, which may be large, by its tangent, which [`Attitude::update`]
-/// expects; a small one is its own tangent. To the third order: the error is 0.02 degrees for a turn of 30.
+/// Replaces half the turn in a gap of the readings by its tangent, which [`Attitude::update`] expects; for small turns the
+/// two are equal. To the third order: the error is 0.02 degrees for a turn of 30.
 #[inline(never)]
 pub fn lengthen(half_turn: &mut [f32; 3]) {
     let factor = 1.0 + dot(half_turn, half_turn) * (1.0 / 3.0);
@@ -163,7 +163,7 @@ fn dot(vector: &[f32], other: &[f32]) -> f32 {
 #[inline(never)]
 fn normalise(vector: &mut [f32]) -> bool {
     let square = dot(vector, vector);
-    // Positive numbers have the order of their bits, and comparing bits takes a tenth of the time.
+    // Positive numbers are in the order of their bits, and comparing bits takes a tenth of the time.
     let factor = match square.to_bits() {
         // One Newton step from 1, enough for a quaternion after each rotation.
         bits if (const { 0.995f32.to_bits() }..const { 1.005f32.to_bits() }).contains(&bits) => 1.5 - 0.5 * square,
@@ -307,7 +307,7 @@ mod tests {
         assert!((tilt - 0.5 * 0.3 * 0.5 * 0.1 * 0.1).abs() < 1e-4, "{tilt}");
     }
 
-    /// The bias that it has found counts for the whole time, the direction of gravity for one tick.
+    /// The estimated bias counts for the whole time, the direction of gravity for one tick.
     #[test]
     fn a_longer_time_is_no_longer_look_at_gravity() {
         let mut attitude = started([0.0, 8192.0, 14_189.0]);

@@ -1,11 +1,11 @@
 //! The turn in a time without a reading of the gyroscope.
 //!
-//! In a tick the attitude turns by the rate at the tick's end, so it is half a tick ahead. In a gap it turns by the
-//! same rule for a rate that changes evenly ([`bridge`]). For a rate with an even curvature, the error is T² / 12 times
-//! the change of the rate's slope, in a gap of length T (the correction of the trapezoidal rule; Abramowitz and Stegun,
-//! 25.4.4). So the slope of the rate is followed, and once the slope after the gap is known, too, the error is
-//! corrected ([`Gap::correct`]). In a swing of 5 degrees at 90 rpm, this reduces the error of a gap of 140 ms from up
-//! to 0.9 degrees to at most 0.05 degrees.
+//! In a tick the attitude turns by the rate at the tick's end, so it is half a tick ahead. In a gap it turns by the same
+//! rule, for a rate that changes linearly ([`bridge`]). If the curvature of the rate is constant, the error in a gap of
+//! length T is T² / 12 times the change of the rate's slope (the correction of the trapezoidal rule; Abramowitz and Stegun,
+//! 25.4.4). So the slope of the rate is tracked, and the error is corrected once the slope after the gap is known
+//! ([`Gap::correct`]). In a swing of 5 degrees at 90 rpm, this reduces the error of a gap of 140 ms from up to 0.9 degrees to
+//! at most 0.05 degrees.
 //!
 //! Units: rates in counts, sensor axes; turns in counts times ticks.
 

@@ -5,7 +5,7 @@
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
 //! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
 //! | overloaded | the heat of its winding, estimated from duty and speed; in an open-loop drive too |
-//! | encoder failed | 16 edges in a row, each of which undoes the one before; or, of a motor that has reached its speed and is driven, no edge for four of its intervals, and for 100 ms at least: nothing tells a lost encoder from a blocked rotor |
+//! | encoder failed | 16 successive edges, each of which undoes the one before; or no edge for the time of four counts at the target speed and at least 100 ms, if the motor had reached its speed and is driven: a lost encoder or a blocked rotor |
 //!
 //! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
 //! motion.
@@ -32,13 +32,13 @@ const AGAINST: i16 = 300;
 /// too.
 const CANCELLED_EDGES: u8 = 16;
 
-/// Ticks without an edge after which a motor that has reached its speed has lost its encoder, at least: 100 ms; ...
+/// Least number of ticks without an edge after which a motor that had reached its speed has lost its encoder: 100 ms, ...
 const QUIET_TICKS: u8 = 20;
 
-/// ... and four counts at its target, as a shift.
+/// ... and the time of four counts at its target speed, as a shift.
 const QUIET_COUNTS: u8 = 2;
 
-/// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
+/// The largest continuous current, in steps of the duty: a third of the current of a blocked motor at full voltage.
 const LASTING: u32 = 85;
 
 /// The winding cools by a factor of e in 2^12 ticks, 20 s.
@@ -46,11 +46,11 @@ const COOLING: u32 = 12;
 
 /// Watches one motor.
 ///
-/// The heat of the winding grows with the square of its current, and decays by cooling. The current is estimated as the
-/// duty minus the duty that the speed corresponds to, in steps of the duty: at most 255, for a motor that is blocked at
-/// full voltage; none for one that is faster than its duty. A current of 128 (half the speed without load, at full
-/// voltage) reaches the limit after 12 s, 178 after 5 s, 255 after 2.4 s. At 90 rpm even full voltage gives a current
-/// of at most 80, which may last: a motor that keeps this speed cannot be overloaded.
+/// The heat of the winding grows with the square of its current, and decays by cooling. The current is estimated as the duty
+/// minus the duty that the speed corresponds to, in steps of the duty: at most 255, for a motor that is blocked at full
+/// voltage; 0 for one that is faster than its duty. A current of 128 (half the speed without load, at full voltage) reaches
+/// the limit after 12 s, 178 after 5 s, 255 after 2.4 s. At 90 rpm even full voltage gives a current of at most 80, which may
+/// last: a motor that keeps this speed cannot be overloaded.
 #[derive(Debug, Default)]
 pub struct Guard {
     heat: u32,
@@ -58,7 +58,7 @@ pub struct Guard {
     against_ticks: u8,
     /// The speed in the first of these ticks.
     against_from: i16,
-    /// Edges in a row that cancel each other except for one, and the change of the position by them.
+    /// Edges in a row that cancel each other, except for at most one count, and the change of the position by them.
     edges: u8,
     counts: i8,
     /// Sign of the target.
@@ -84,7 +84,7 @@ impl Guard {
         // In the direction of the duty.
         let speed = if duty.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
         let duty = duty.0.unsigned_abs() as u8;
-        // In an open-loop drive the wiring is under test, and with it the sign of the speed.
+        // An open-loop drive tests the wiring, so the sign of the speed may be wrong.
         let turning = if target.0 == 0 { speed.abs() } else { speed };
         if self.is_overloaded(duty, turning) {
             [Fault::Motor1Overloaded, Fault::Motor2Overloaded]
@@ -113,7 +113,7 @@ impl Guard {
         self.is_hot()
     }
 
-    /// Returns whether the winding is as hot as it may be.
+    /// Returns whether the winding has reached its limit of heat.
     pub fn is_hot(&self) -> bool {
         self.heat >= (LASTING * LASTING) << COOLING
     }

@@ -21,7 +21,7 @@
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
 //! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs three times within 3 s, [`Fault::ImuLostConfig`] |
 //! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
-//! | readings that no sensor makes | not used, as if there were none; after [`LIFELESS_READINGS`] the same as without new samples |
+//! | readings that no working sensor makes | not used; after [`LIFELESS_READINGS`] treated as no new samples |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
 use core::slice;
@@ -189,7 +189,7 @@ pub struct Imu<I2C> {
     burst: [u8; 16],
     /// Weighted sum of the bytes of the last sample: it changes with the sensor's noise from sample to sample.
     sum: u8,
-    /// Readings in a row that no sensor makes, up to [`LIFELESS_READINGS`].
+    /// Readings in a row that no working sensor makes, up to [`LIFELESS_READINGS`].
     lifeless: u8,
     /// Ticks since the last good reading.
     silence: u8,

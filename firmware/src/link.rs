@@ -117,7 +117,7 @@ impl Link {
         self.last = Some((seq, answer));
     }
 
-    /// Remembers a late answer, if no other request has come since.
+    /// Remembers a late answer if no other request has come since.
     pub fn remember_late(&mut self, seq: u8, answer: Answer) {
         if self.last == Some((seq, Answer::Later)) {
             self.last = Some((seq, answer));

@@ -24,7 +24,7 @@ pub struct Schedule {
     progress: Progress,
     /// Number of set-points in the schedule that runs.
     count: u8,
-    /// Number of those that have begun.
+    /// Number of its set-points that have begun.
     begun: u8,
 }
 
@@ -71,7 +71,7 @@ impl Schedule {
         self.is_active() && self.remaining().iter().any(is_motion)
     }
 
-    /// Returns the set-points that have not begun. It cannot panic: an image in which something can does not link.
+    /// Returns the set-points that have not begun. It cannot panic: an image that can panic does not link.
     #[inline(never)]
     fn remaining(&self) -> &[SetPoint] {
         self.points.get(usize::from(self.begun)..usize::from(self.count)).unwrap_or(&[])

@@ -1,7 +1,7 @@
 //! Control of a motor's speed and angle.
 //!
-//! A motor follows an angle that advances by its target exactly, in integers, so that two motors keep the ratio of
-//! their targets for any time: a speed in proportion to its lag is added to its set-point.
+//! A motor follows an angle that advances with exactly its target speed, in integers, so that two motors keep the ratio of
+//! their targets for any time. A speed in proportion to its lag behind this angle is added to its set-point.
 
 use protocol::units::{CentiRpm, Duty, EncoderCounts};
 
@@ -24,17 +24,17 @@ impl Gains {
     }
 }
 
-/// Parts of the unit of an angle, which is a tick at a hundredth of rpm: a count of the published encoder is 510,113 of
-/// them.
+/// Parts of the unit of an angle, which is the turn of one tick at a hundredth of rpm. A count of the published encoder is
+/// 510,113 parts.
 pub(crate) const PARTS: i32 = 1 << 8;
 
 /// The largest lag or lead of a motor, a third of a turn: a motor that was held does not catch up with more.
 const MAX_LAG: i32 = 400_000 * PARTS;
 
-/// The speed that is added per lag: 12.2 rpm for each rpm·s, as a shift.
+/// The speed that is added per lag: 12.5 rpm for each rpm·s, as a shift.
 const CATCH_UP: u8 = 12;
 
-/// The least limit of that speed, hundredths of rpm; half of the target is added. A motor that is ahead slows down to a
+/// The limit of that speed, hundredths of rpm, to which half of the target is added. A motor that is ahead slows down to a
 /// standstill at most.
 const SLOWEST_CATCH_UP: i32 = 1000;
 

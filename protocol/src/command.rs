@@ -88,12 +88,12 @@ pub enum Command {
         /// The speed of a flagellum that is far from its position, 0.01 rpm to [`MAX_TURN_SPEED`].
         speed: CentiRpm,
     },
-    /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off. Refused without
-    /// encoders.
+    /// Set the positions of both flagella, which are at their marks, to zero; they are known from now on. Motors must be off.
+    /// Refused without encoders.
     Align,
     /// Read four bytes of the note.
     ReadNote {
-        /// Number of the first one, 0 to 60.
+        /// Number of the first byte, 0 to 60.
         index: u8,
     },
     /// Write a byte of the note to EEPROM. Motors must be off.
@@ -135,9 +135,9 @@ pub struct SetPoint {
     pub tick: u32,
     /// Target speeds of flagella 1 and 2 from then on, each within [`CentiRpm::LIMIT`].
     pub speeds: [CentiRpm; 2],
-    /// Sizes of the duties of motors 1 and 2, which have the signs of the speeds, if the board has no encoders
-    /// ([`SpeedFrom::Duty`](crate::SpeedFrom::Duty)).
+    /// Magnitudes of the duties of motors 1 and 2 if the board has no encoders ([`SpeedFrom::Duty`](crate::SpeedFrom::Duty));
+    /// the duties have the signs of the speeds.
     pub duties: [u8; 2],
-    /// The number in the telemetry from then on. The host chooses it; it is not 0.
+    /// Number of the phase in the telemetry from then on, chosen by the host; not 0.
     pub phase: u8,
 }

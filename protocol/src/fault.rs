@@ -16,7 +16,7 @@ pub enum Fault {
     None,
     /// No frame came from the host within the motors' deadline.
     LinkLost,
-    /// The program hung, or a reset cut it off while a motor was on, and was restarted.
+    /// The program hung and was restarted, or was reset while a motor was on.
     Hang,
     /// The program panicked and was restarted. Only in the log of older firmware: the present image cannot panic.
     Panic,
@@ -42,8 +42,8 @@ pub enum Fault {
     Motor1Overloaded,
     /// The same for motor 2.
     Motor2Overloaded,
-    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead. Or it has no edges while motor 1,
-    /// which had reached its speed, is driven: it is lost, or the rotor is blocked.
+    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead. Or motor 1 had reached its speed
+    /// and is driven, but the encoder has no edges: it is disconnected, or the rotor is blocked.
     Encoder1Failed,
     /// The same for encoder 2.
     Encoder2Failed,

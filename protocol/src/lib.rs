@@ -54,8 +54,8 @@
 //!   ([`Command::StartSchedule`]); the board changes the speeds at the ticks of the schedule, reports its phases in the
 //!   telemetry, and stops the motors by itself at the end.
 //! - The line runs at [`BAUD`], 8N1. Opening the port resets a Nano; its bootloader answers for up to two seconds.
-//! - Every intact frame from the host restarts the motors' deadline ([`Settings::deadline_ms`]). When it expires, and a
-//!   motor turns or will turn in the schedule, the board stops both motors and latches [`Fault::LinkLost`].
+//! - Every intact frame from the host restarts the motors' deadline ([`Settings::deadline_ms`]). If it expires while a motor
+//!   turns or will turn in the schedule, the board stops both motors and latches [`Fault::LinkLost`].
 //! - The board carries out a request only if the answer fits into its outbox. It drops other requests entirely; they
 //!   still count for the deadline.
 //! - Every request is idempotent. A request with the sequence number of the one before gets the same answer again, without

@@ -59,7 +59,7 @@ pub struct Settings {
     pub bandgap: Millivolts,
     /// Inputs of the bridge.
     pub bridge: Bridge,
-    /// What the speeds are controlled by.
+    /// How the speeds are controlled.
     pub speed_from: SpeedFrom,
 }
 
@@ -75,7 +75,7 @@ pub enum Bridge {
     InIn,
 }
 
-/// What the speeds of the motors are controlled by.
+/// How the speeds of the motors are controlled.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 #[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
@@ -132,7 +132,7 @@ impl Settings {
 }
 
 /// Returns whether `x` is in [0, limit]. Compares the bits as integers, because a comparison of f32 takes a call on the
-/// board: numbers without a sign have the order of their bits, and NaN and negative numbers are above all of them.
+/// board: positive numbers are in the order of their bits, and NaN and negative numbers are above all of them.
 fn is_within(x: f32, limit: f32) -> bool {
     x.to_bits() <= limit.to_bits()
 }

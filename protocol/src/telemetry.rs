@@ -65,7 +65,7 @@ pub struct Telemetry {
     /// [`SetPoint::phase`](crate::SetPoint::phase) of the set-point in force; 0 without a schedule. The last one stays
     /// until the next command for the motors.
     pub phase: u8,
-    /// The board's supply, measured once a second against its bandgap reference.
+    /// The board's supply, measured four times a second against its bandgap reference.
     pub supply: Millivolts,
     /// Whether the sensor was read in this tick; otherwise its values are of the last good reading.
     pub imu_fresh: bool,

@@ -85,7 +85,7 @@ impl CentiRpm {
     /// The largest speed that the board accepts, in either direction.
     pub const LIMIT: Self = Self(9000);
 
-    /// A speed that nothing measures.
+    /// A speed that is not measured.
     pub const UNKNOWN: Self = Self(i16::MIN);
 
     /// Returns the nearest value to `rpm`; saturates at ±327.67 rpm.
@@ -127,8 +127,8 @@ impl TemperatureCounts {
         Self(round_to_i16((celsius - 36.53) * 340.0))
     }
 
-    /// Returns the temperature in °C by the part with this WHO_AM_I; NaN if its thermometer is unknown. Differences by that of
-    /// an MPU6050 are right within 4 % for the others, too.
+    /// Returns the temperature in °C by the part with this WHO_AM_I; NaN if its thermometer is unknown. With the formula of
+    /// an MPU6050, differences are right within 4 % for the other parts, too.
     pub fn celsius(self, imu_id: u8) -> f64 {
         let of_part = THERMOMETERS.iter().find(|(id, ..)| *id == imu_id);
         of_part.map_or(f64::NAN, |(.., per_c, zero_c)| f64::from(self.0) / per_c + zero_c)

@@ -108,7 +108,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     /// Half the turn in a tick per count of the gyroscope, rad.
     half_turn_scale: f32,
     speed_gains: Gains,
-    /// The motors' deadline. Stored because it is looked at between any two bytes.
+    /// The motors' deadline. Stored because it is checked between any two bytes.
     deadline_us: u32,
     build: Build,
     reset_cause: ResetCause,
@@ -122,7 +122,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     gap: Gap,
     calibrating: Option<GyroAverage>,
     calibration: Calibration,
-    /// The number of the request that a save answers.
+    /// The number of the request for the save in progress.
     save_request: u8,
 }
 
@@ -299,8 +299,8 @@ where
         first.0 | second.0 != 0 || self.turn.is_some()
     }
 
-    /// Returns whether edges of the encoders count: not while one is at fault by its noise, which would cost each tick a quarter of
-    /// its time. The positions are lost by then.
+    /// Returns whether edges of the encoders are counted. They are not after the fault of a noisy encoder, whose edges would
+    /// take a quarter of each tick: the positions are lost by then.
     pub fn counts_edges(&self) -> bool {
         !matches!(self.latch.get(), Fault::Encoder1Noisy | Fault::Encoder2Noisy)
     }
@@ -310,7 +310,7 @@ where
         self.is_running() || self.drive_ticks > 0
     }
 
-    /// Returns whether a fault is not in the fault log yet.
+    /// Returns whether a fault is still being written to the fault log.
     pub fn is_logging(&self) -> bool {
         self.store.is_logging()
     }

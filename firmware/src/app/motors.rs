@@ -10,7 +10,7 @@ use super::{App, Tick};
 use crate::encoder::Encoder;
 use crate::storage::Storage;
 
-/// The largest change in a tick of a duty that no encoder controls.
+/// The largest change of a duty in a tick, for motors without encoders.
 const RAMP: i16 = 2;
 
 impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
@@ -24,7 +24,7 @@ where
     #[inline(never)]
     pub(super) fn measure_speed(&mut self, motor: usize, tick: &Tick) {
         if self.is_blind() {
-            // Nothing here tells a motor that stands: the host sees the swing of its flagellum.
+            // The board cannot detect a motor that stands still; the host does, by the swing of its flagellum.
             self.telemetry.speed[motor] = CentiRpm::UNKNOWN;
             return;
         }
@@ -84,8 +84,8 @@ where
         }
     }
 
-    /// Drives the motors. They wait until the memory has no positions at rest any more, which a loss of power would
-    /// then find.
+    /// Drives the motors. They wait until the record of the positions at rest is invalid, because the board would use it
+    /// after a loss of power.
     #[inline(never)]
     pub(super) fn drive_motors(&mut self) {
         if !self.store.positions.may_change() {

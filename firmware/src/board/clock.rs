@@ -13,11 +13,11 @@ use super::CPU_HZ;
 const DIV_8: u8 = 0b010;
 const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
 
-/// Registers for the hand-written interrupts, in the memory (section 31).
+/// Memory addresses of the registers for the hand-written interrupts (section 31).
 pub const TIMSK1: u8 = 0x6F;
 pub const TCNT1L: u8 = 0x84;
 pub const OCR1BL: u8 = 0x8A;
-/// In the space of input and output.
+/// Address in the space of input and output.
 pub const TIFR1: u8 = 0x16;
 /// The flag of the alarm in TIFR1, which the clock also raises when the alarm is off.
 pub const ALARM_FLAG: u8 = 1 << 2;

@@ -6,8 +6,8 @@
 //! some Nanos does not turn it off: it is reset again and again, with the motors off, until the board has no power. The
 //! button does not help, because the flag that keeps the watchdog on survives it.
 //!
-//! A reset while a motor was on, whatever its cause, is logged as a hang without an address. So is one while the fault that turned
-//! the motors off is being logged.
+//! A reset while a motor was on, whatever its cause, is logged as a hang without an address. So is a reset while the fault
+//! that turned the motors off is being logged.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
@@ -25,7 +25,7 @@ const CHANGE: u8 = 1 << 4 | 1 << 3;
 /// The flag of an interrupt that has not been served; writing a one clears it.
 const PENDING: u8 = 1 << 7;
 
-/// In GPIOR1 after a hang. No start-up code touches this register, and every reset clears it.
+/// The value of GPIOR1 after a hang. No start-up code touches this register, and every reset clears it.
 const HUNG: u8 = 0xB1;
 
 /// Where the program hung, words. The start-up code leaves it unchanged; only a record of a hang makes it valid.
@@ -37,11 +37,11 @@ static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 #[unsafe(link_section = ".noinit")]
 static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();
 
-/// The memory has this value by chance at one in 65536 power-ups.
+/// A value that the memory has by chance at one in 65536 power-ups.
 const DRIVEN: u16 = 0xB1F1;
 
-/// Keeps over a reset whether a motor is on. While a fault is being logged, the record of a driven motor stays: the
-/// next reset, for example from a bouncing plug, may come before the fault's record is complete.
+/// Records for the start after a reset whether a motor is on. While a fault is being logged, the record of a driven motor
+/// stays: the next reset, for example from a bouncing plug, may come before the fault's record is complete.
 pub fn keep(is_driven: bool, is_logging: bool) {
     if is_driven || !is_logging {
         // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.

@@ -9,7 +9,7 @@ use firmware::bridge::Channel;
 use firmware::drive::Motors;
 
 const AIN1: Pin = Pin { port: Port::B, mask: 1 << 0 };
-/// STBY, and the LED of the board, which so is lit while a motor is on.
+/// STBY, and the LED of the board, which is therefore lit while a motor is on.
 const STBY: Pin = Pin { port: Port::B, mask: 1 << 1 | 1 << 5 };
 const BIN1: Pin = Pin { port: Port::B, mask: 1 << 2 };
 const BIN2: Pin = Pin { port: Port::B, mask: 1 << 4 };

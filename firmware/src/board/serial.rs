@@ -1,8 +1,8 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 //!
-//! At a full line a byte comes and another goes every 320 cycles, 300 of them in a tick's work. So the queues are our own:
-//! their indices are bytes, which need no critical sections. Their interrupts are written by hand, because the compiler
-//! saves registers that they do not need: they take 57 and 48 cycles; the compiler's took 89 and 64.
+//! On a full line a byte comes and another goes every 320 cycles, 300 of them in a tick's work. So the queues are our own:
+//! their indices are bytes, which need no critical sections. Their interrupts are written by hand, because the compiler saves
+//! registers that they do not need: they take 57 and 48 cycles; the compiler's took 89 and 64.
 
 use core::arch::global_asm;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -131,10 +131,10 @@ pub fn frame_end() -> Micros {
     interrupt::free(|cs| clock::time_of(cs, unsafe { (&raw const FRAME_END).read_volatile() }))
 }
 
-// The interrupt of a received byte. If a byte finds too little room, its frame is dropped to the end; the frames before
-// and after it stay whole. The part of it in the inbox is damaged on purpose, which its CRC reveals: it may be a
-// command that lacks only its delimiter, and the dropped bytes the frame after it. The last place is for its delimiter:
-// otherwise the delimiter of the next frame would complete a command whose time has passed.
+// The interrupt of a received byte. If a byte finds too little room, its frame is dropped to the end; the frames before and
+// after it stay whole. The part of it in the inbox is damaged on purpose, which its CRC reveals: it may be a command that
+// lacks only its delimiter, if the dropped bytes were the frame after it. The last place is for its delimiter: otherwise the
+// delimiter of the next frame would complete a command whose time has passed.
 global_asm!(
     ".global __vector_18",
     "__vector_18:",

@@ -9,11 +9,11 @@
 //! spike. If there is a spike again, the direction is wrong; the next edge turns it back and is counted as noise, so
 //! that the error is noticed.
 //!
-//! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
-//! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
-//! poles of the encoder's magnet differ in length; over one pole, if the motion has begun with it. While no edge comes, the
-//! speed is at most one count in the time since the last one, so that it falls towards zero when edges stop, and is zero
-//! after [`STANDSTILL_US`].
+//! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm. The
+//! time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the poles
+//! of the encoder's magnet differ in length, or over one pole if the motion began with it. While no edge comes, the speed is
+//! at most one count in the time since the last one, so that it falls towards zero when edges stop, and is zero after
+//! [`STANDSTILL_US`].
 //!
 //! Units: positions in counts, times in µs, speeds in hundredths of rpm.
 
@@ -42,7 +42,7 @@ pub const PWM_SPIKE: u8 = 16;
 /// [`SPIKE_US`] in counts of the clock.
 const SPIKE: u16 = 2 * SPIKE_US;
 
-/// Largest relative difference of a magnet pole's length from the mean.
+/// Largest length of a magnet's pole, relative to the mean.
 const LONG_POLE: f32 = 1.25;
 
 /// An edge of channel 1.
@@ -219,7 +219,7 @@ pub struct Motion {
     pub counts: i8,
     /// Edges that are motion, in either direction.
     pub edges: u8,
-    /// Edges that are not.
+    /// Edges that are noise.
     pub glitches: u8,
 }
 
@@ -231,7 +231,7 @@ pub struct Encoder {
     before: Edge,
     /// Whether no edge has come for [`STANDSTILL_US`].
     still: bool,
-    /// At the last edge, in hundredths of rpm.
+    /// The speed at the last edge, hundredths of rpm.
     speed: f32,
 }
 

@@ -160,11 +160,11 @@ fn the_first_edge_after_a_wrap_of_the_clock_is_no_jump() {
     assert!((motion.speed.rpm() - 9.96).abs() < 0.01, "from the second edge on: {motion:?}");
 }
 
-/// A motor that starts again before its rest is a standstill.
+/// A motor starts again before its rest counts as a standstill.
 #[test]
 fn the_second_edge_after_a_rest_tells_the_speed() {
     for uneven in [0.0_f64, 0.2, -0.2] {
-        // Of an edge: where the motor rests.
+        // Where the motor rests, as a part of the way between edges.
         for part in [0.0, 0.25, 0.5, 0.75] {
             let begin = |rpm: f64| part / (1e6 * counts_per_us(rpm));
             second_edge_tells_the_speed(uneven, 30.0, (400, 0.5 + begin(30.0)..1.2), uneven.abs());

@@ -10,8 +10,8 @@
 //! | 10 | 0xA5 if the record is valid |
 //!
 //! At most one record is valid. Its last byte is cleared before a motor turns, or when a hand turns a shaft. When both shafts
-//! have come to rest, a new record is written, with its last byte at the end. So after a loss of power at any time the
-//! one valid record is right, or there is none, and the positions are not known.
+//! have come to rest, a new record is written, with its last byte at the end. So after a loss of power at any time the one
+//! valid record is right, or there is none and the positions are unknown.
 //!
 //! A record takes the next of 52 slots and writes the last byte of its slot twice: the 100,000 writes that a byte
 //! endures (ATmega328P, section 8.4) are enough for 2.6 million records. A trial with its parking takes two: that is 35

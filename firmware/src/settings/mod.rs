@@ -22,8 +22,8 @@
 //! lack. Without valid settings (a blank memory) the defaults apply.
 //!
 //! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count of
-//! starts rotates over eight places. A counter that is not one more than the counter in the place before it comes from
-//! a write cut off by loss of power, and does not count.
+//! starts rotates over eight places. A counter that is not one more than the counter in the place before it comes from a
+//! write cut off by loss of power, and is ignored.
 
 use protocol::frame::Accumulator;
 use protocol::units::EncoderCounts;

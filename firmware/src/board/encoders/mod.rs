@@ -6,8 +6,8 @@
 //! gives: channel 2 changes half-way between edges of channel 1. Nothing waits meanwhile. That interrupt is written by
 //! hand and takes some 70 cycles; the compiler's, which takes the edge, takes 300.
 //!
-//! The chip holds three bytes from the host, which come in 960 cycles. The work on the edges of two encoders takes
-//! longer, so it lets all other interrupts in.
+//! The chip holds three bytes from the host, which come in 960 cycles. The work on the edges of two encoders takes longer, so
+//! all other interrupts are on meanwhile.
 
 use core::arch::asm;
 use core::mem::take as replace;
@@ -64,7 +64,7 @@ impl Encoder {
     }
 }
 
-/// Only with interrupts off.
+/// Used only with interrupts off.
 static mut ENCODERS: [Encoder; 2] = [Encoder::new(BITS[0]), Encoder::new(BITS[1])];
 
 /// Turns the pull-ups on. With them, a disconnected encoder reads as still, so it is found as a stall.
@@ -96,7 +96,7 @@ pub fn disable(interrupts: &EXINT) {
     interrupts.eimsk.reset();
 }
 
-/// Returns the edges up to now, and turns the interrupts of noisy encoders on again if edges still count.
+/// Returns the edges up to now, and turns the interrupts of noisy encoders on again if edges are still counted.
 pub fn take(counts: bool) -> [Edges; 2] {
     let edges = [take_of(0), take_of(1)];
     // An interrupt that turns itself off between the two registers will do so again.

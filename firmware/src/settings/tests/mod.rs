@@ -138,7 +138,7 @@ fn with_frame(payload: &[u8]) -> Memory {
 
 #[test]
 fn settings_that_older_firmware_saved_are_in_force_until_the_first_save() {
-    // Those of version 1 have no duty that moves a motor, and no bandgap.
+    // Settings of version 1 have no duty that moves a motor, and no bandgap.
     for (frame, layout) in [(VERSION_1, 1), (VERSION_2, 2)] {
         let stored = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
         for (writes, end) in (0..70).flat_map(|writes| End::ALL.map(|end| (writes, end))) {
@@ -150,7 +150,7 @@ fn settings_that_older_firmware_saved_are_in_force_until_the_first_save() {
         }
         let memory = with_old(frame, layout);
         save(&memory, &new());
-        // Without the slots no settings are left, least of all those in force long ago.
+        // Without the slots no settings are left: older ones do not come into force again.
         memory.bytes.borrow_mut()[320..].fill(0xFF);
         assert_eq!(load(&memory), None);
     }
