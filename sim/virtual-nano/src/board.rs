@@ -34,7 +34,7 @@ pub struct BoardOptions {
     pub imu_id: u8,
     /// What is wired to the chip.
     pub rig: RigKind,
-    /// Seed of everything random on the line.
+    /// Seed of all random events on the line.
     pub seed: u64,
 }
 
@@ -50,7 +50,7 @@ pub(crate) const SUPPLY_MV: u32 = 5000;
 /// The bandgap reference (data sheet, section 29.5), mV.
 pub(crate) const BANDGAP_MV: u32 = 1100;
 
-/// What happens to a board at a time.
+/// A scheduled change of a board.
 type Event = Box<dyn FnOnce(&mut Board) + Send>;
 
 /// The board.
@@ -58,13 +58,13 @@ pub struct Board {
     /// The chip.
     pub mcu: Mcu<Rig>,
     start: u32,
-    /// `None` behind a bootloader, which may put any program there.
+    /// Bytes of SRAM for static data; `None` with a bootloader, which may load any program.
     pub static_bytes: Option<u16>,
     /// How the last run ended.
     pub state: RunState,
     vcc_mv: u32,
     bandgap_mv: u32,
-    /// What happens later, with its times (s).
+    /// Scheduled changes, with their times (s).
     events: Vec<(f64, Event)>,
 }
 
@@ -76,8 +76,8 @@ impl Board {
         Ok(board)
     }
 
-    /// Returns the same with a bootloader as its image: every reset starts at the image's lowest address, and the rest
-    /// of flash is blank.
+    /// Returns a board with a bootloader as its image: every reset starts at the image's lowest address, and the rest of
+    /// flash is blank.
     pub fn with_bootloader(image: &Image, options: BoardOptions) -> Result<Self, &'static str> {
         Self::with_start(image, image.start(), options)
     }
@@ -149,8 +149,8 @@ impl Board {
         self.events.push((at_s, Box::new(event)));
     }
 
-    /// Ends every fault that can end, and forgets those that have not begun. Their effects on registers and on the
-    /// program stay.
+    /// Ends every fault that can end, and cancels those that have not begun. Their effects on registers and on the program
+    /// stay.
     pub fn clear_faults(&mut self) {
         self.events.clear();
         self.end_faults();

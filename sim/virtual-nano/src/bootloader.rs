@@ -13,7 +13,7 @@ pub enum Bootloader {
     /// The same with the signature of an ATmega328PB, which simavr does not have.
     #[value(name = "optiboot-328pb", help = "the same, of an ATmega328PB")]
     Optiboot328pb,
-    /// Before, and on many clones: ATmegaBOOT, 57600 bit/s, at 0x7800.
+    /// Before 2018, and on many clones: ATmegaBOOT, 57600 bit/s, at 0x7800.
     #[value(help = "57600 bit/s")]
     Old,
 }
@@ -25,8 +25,8 @@ const FOLDER: &str = "/usr/share/arduino/hardware/arduino/avr/bootloaders";
 /// real chip could not start a program from it. The emulated chip has more flash to hold them.
 const ROOM: u32 = FLASH_BYTES + 64;
 
-/// The only instruction that loads this byte, the last one of the signature: `ldi r24, 0x0F`, and with 0x16 (data sheets, section
-/// "Signature Bytes").
+/// The only instruction that loads the last byte of the signature: `ldi r24, 0x0F`, and `ldi r24, 0x16` of an ATmega328PB
+/// (data sheets, section "Signature Bytes").
 const LAST_OF_328P: [u8; 2] = [0x8F, 0xE0];
 const LAST_OF_328PB: [u8; 2] = [0x86, 0xE1];
 

@@ -29,7 +29,8 @@ pub enum Model {
 }
 
 impl Model {
-    /// Returns the voltage that it loses of the supply, V. The other two have MOSFETs: some 0.1 V at the currents of such motors.
+    /// Returns its voltage drop, V. That of the other two, which have MOSFETs, is some 0.1 V at the currents of such motors
+    /// and left out.
     pub fn lost_v(self) -> f64 {
         match self {
             // Its least total drop at 1 A (ST, electrical characteristics). Own choice: the same at any current.

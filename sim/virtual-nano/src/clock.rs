@@ -25,7 +25,7 @@ pub struct ProgramClock {
 }
 
 impl ProgramClock {
-    /// Records the begin of a tick.
+    /// Records the beginning of a tick.
     pub fn tick(&mut self, cycle: u64) {
         self.tick = Some(cycle);
     }

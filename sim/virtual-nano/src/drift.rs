@@ -1,4 +1,4 @@
-//! What changes slowly in a rig: the voltage of its battery, and the speed of a motor.
+//! Slow changes in a rig: the voltage of its battery, and the speed of a motor.
 
 use crate::imu::noise::Noise;
 
@@ -9,7 +9,7 @@ pub struct Supply {
     pub volts: [f64; 2],
     /// Time with a motor on, s.
     pub on_s: f64,
-    /// The voltage that a fault makes of it, V.
+    /// The voltage that a fault sets instead, V.
     pub forced_v: Option<f64>,
 }
 

@@ -12,7 +12,7 @@ const PERIOD: f64 = 4.0;
 /// Duration of a spike, s. Assumed: longer than the input's synchroniser needs, and shorter than an interrupt.
 const SPIKE_S: f64 = 3e-6;
 
-/// Events happen at whole cycles, always after their exact time.
+/// Events are handled at whole cycles, always after their exact time.
 const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
 
 /// A disturbance of a line.
@@ -42,9 +42,9 @@ struct Line {
 #[derive(Clone, Debug)]
 pub struct Encoder {
     lines: [Line; 2],
-    /// There is none: nothing is at its pins.
+    /// Whether there is no encoder: nothing is at its pins.
     pub absent: bool,
-    /// C1 and C2 are connected to each other's pins.
+    /// Whether C1 and C2 are connected to each other's pins.
     pub swapped: bool,
     /// Fraction by which a north pole is longer than half a period.
     pub uneven: f64,
@@ -166,7 +166,7 @@ mod tests {
                 assert_eq!(channel.len(), 500);
                 assert!(channel.windows(2).all(|pair| (pair[1] - pair[0] - 2e-3).abs() < 1e-6));
             }
-            // The one that leads has its first edge after half a count.
+            // The channel that leads has its first edge after half a count.
             let lead = (edges[1][0] - edges[0][0]) * rate.signum();
             assert!((lead.abs() - 1e-3).abs() < 1e-6);
         }

@@ -46,7 +46,7 @@ fn index(number: f64) -> usize {
     number as usize - 1
 }
 
-/// A name, the values, what it means, and what makes it begin with values within their ranges.
+/// Name, values, description, and the function that begins the fault with values within their ranges.
 struct Kind(&'static str, &'static [Value], &'static str, fn(&mut Board, [f64; MOST]));
 
 /// Disturbs a line of an encoder.
@@ -54,7 +54,7 @@ fn disturb(board: &mut Board, [motor, channel]: [f64; 2], disturbance: Disturban
     board.disturb_encoder(index(motor), index(channel), disturbance);
 }
 
-/// Makes a fault of the sensor begin.
+/// Begins a fault of the sensor.
 fn spoil(board: &mut Board, fault: ImuFault) {
     board.change_imu(|imu| imu.inject(fault));
 }
@@ -81,7 +81,7 @@ const PUSH: Kind = Kind(
     },
 );
 
-/// Those of encoders, which not every rig has.
+/// Faults of encoders, which not every rig has.
 const OF_ENCODERS: &[Kind] = &[
     Kind("encoder-swapped", &[MOTOR], "the encoder's C1 and C2 are swapped", |board, [motor, ..]| {
         board.rig_mut().encoders[index(motor)].swapped = true;
@@ -125,7 +125,7 @@ const OF_ENCODERS: &[Kind] = &[
     ),
 ];
 
-/// The others.
+/// All other faults.
 const OTHERS: &[Kind] = &[
     Kind("blocked", &[MOTOR], "a flagellum is blocked", |board, [motor, ..]| {
         board.rig_mut().motors[index(motor)].hold(Rotor::Blocked);
@@ -308,12 +308,12 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// Makes it begin now.
+    /// Begins it now.
     pub(crate) fn begin(&self, board: &mut Board) {
         (self.kind.3)(board, self.values);
     }
 
-    /// Returns why it cannot happen to a board.
+    /// Returns the reason why it cannot happen to a board, if there is one.
     pub fn refused_by(&self, board: &Board) -> Option<&'static str> {
         let Kind(name, ..) = self.kind;
         let strikes_encoder = OF_ENCODERS.iter().any(|kind| kind.0 == *name);
@@ -360,7 +360,7 @@ fn number(text: &str) -> Result<f64, String> {
     parsed.filter(|value: &f64| value.is_finite()).ok_or_else(|| format!("{text:?} is not a number"))
 }
 
-/// A fault and its begin: `NAME[=VALUE][@SECONDS]`.
+/// A fault and its start: `NAME[=VALUE][@SECONDS]`.
 #[derive(Clone, Copy)]
 pub struct Timed {
     /// The fault.

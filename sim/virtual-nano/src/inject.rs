@@ -1,4 +1,4 @@
-//! The begin and the end of faults on the board.
+//! The start and the end of faults on the board.
 
 use crate::board::{BANDGAP_MV, Board, SUPPLY_MV};
 use crate::encoder::Disturbance;
@@ -6,12 +6,12 @@ use crate::fault::Fault;
 use crate::motor::Rotor;
 
 impl Board {
-    /// Makes a fault begin now.
+    /// Begins a fault now.
     pub fn inject(&mut self, fault: Fault) {
         fault.begin(self);
     }
 
-    /// Makes a fault begin at a time (s) since power came up.
+    /// Begins a fault at a time (s) since power came up.
     pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
         self.later(at_s, move |board| board.inject(fault));
     }

@@ -43,8 +43,8 @@ struct Arguments {
     #[arg(long)]
     bootloader: Option<Bootloader>,
     /// What is wired to the board: `encoders` (TB6612, motors with encoders), `duty` (L298N, no encoders, a battery), `in-in`
-    /// (DRV8833, encoders) or `duty-in-in` (DRV8833, no encoders, a battery). With --firmware, the board was set up
-    /// for it, except for the senses of its motors
+    /// (DRV8833, encoders) or `duty-in-in` (DRV8833, no encoders, a battery). With --firmware, the board has the settings of
+    /// the rig, except for the directions of its motors
     #[arg(long, value_name = "NAME", default_value = "encoders")]
     rig: RigKind,
     /// A recording for the sensor to play; without --imu and --robot the sensor is at rest
@@ -54,12 +54,12 @@ struct Arguments {
     #[arg(long, value_name = "FILE.toml|NAME", conflicts_with = "imu")]
     robot: Option<PathBuf>,
     /// Speed relative to real time: a factor, or `max`; with `exchange` the board's time passes only in the command of that
-    /// name, so that a run does not depend on the load of the machine. At 1, bytes are lost that the host does not read in
-    /// time, as on a real board; at any other speed the board's time waits until they are read
+    /// name, so that a run does not depend on the load of the machine. At 1, bytes that the host does not read in time are
+    /// lost, as on a real board; at any other speed the board's time waits until they are read
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max|exchange")]
     speed: Speed,
-    /// How long the time of a board that is faster than real time waits for a silent host, s: for a host that sends something
-    /// at least every 0.05 s
+    /// Longest time, s, that a board faster than real time waits for a silent host; more than the default is for hosts that
+    /// send something at least every 0.05 s
     #[arg(long, value_name = "S", default_value_t = PATIENCE_S, value_parser = parse_patience)]
     patience: f64,
     /// Errors of the sensor and of the board's clock: `typical` draws all that the data sheet allows; `ideal` has exact
@@ -94,7 +94,7 @@ fn parse_patience(text: &str) -> Result<f64, String> {
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
-    // Here, because clap would ask for the arguments that a board needs.
+    // Before the arguments are parsed, because clap would ask for those that a board needs.
     let words: Vec<_> = std::env::args_os().collect();
     let asks_for_help = |option: &str| {
         words.iter().any(|word| *word == *format!("{option}=help"))
@@ -116,7 +116,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    // First, so that the end of standard input ends the program whatever it does.
+    // First, so that the end of standard input ends the program in any state.
     let commands = commands();
     let (errors, seed) = (arguments.sensor.errors(arguments.seed), arguments.seed);
     let source = match (&arguments.imu, &arguments.robot) {
@@ -168,7 +168,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Reads a robot file; the room is as warm as its fluid.
+/// Reads a robot file; the room has the temperature of its fluid.
 fn read_robot(path: &Path) -> Result<Plant, String> {
     let robot = match path.to_str().and_then(Robot::built_in) {
         Some(robot) => robot,

@@ -2,9 +2,9 @@
 //!
 //! speed' = (steady speed at this voltage - speed) / time constant
 //!
-//! The steady speed of a voltage grows straight with it. A motor that is open between pulses takes the mean voltage that its own
-//! current makes: at a low share the current ends before the next pulse, and then the motor's own voltage counts, so that the
-//! speed over the share is bent.
+//! The steady speed grows linearly with the voltage. The mean voltage at a motor that is open between pulses depends on its
+//! current: at a low share the current ends before the next pulse, and the motor's own voltage (back EMF) is left. So the
+//! speed is not linear in the share.
 
 use crate::bridge::Drive;
 use crate::drift::Wander;
@@ -20,7 +20,7 @@ pub const GEAR: f64 = 100.37;
 /// Longest step of the model, s. The speed is taken as constant within it: 1/160 of the time constant.
 pub const STEP_S: f64 = 0.5e-3;
 
-/// Half a count away from an edge, so that only motion causes one.
+/// Counts at the start: half a count away from an edge, so that only motion causes one.
 const START_COUNTS: f64 = 0.5;
 
 /// Interval between two moves of a rotor that slips, s, and the size of a move: an edge of each channel.
@@ -39,11 +39,11 @@ pub struct MotorParameters {
     pub time_constant_s: f64,
     /// Time constant while it coasts, s, when only friction stops it. Assumed.
     pub coast_time_constant_s: f64,
-    /// Fraction of full voltage below which friction keeps it still. Assumed.
+    /// Fraction of full voltage below which friction stops it. Assumed.
     pub dead_zone: f64,
     /// Fraction of full voltage that starts it from rest: more than the dead zone if the gear sticks.
     pub breakaway: f64,
-    /// Whether its leads are such that it turns backwards where others turn forwards.
+    /// Whether it is wired to turn backwards where other motors turn forwards.
     pub reversed: bool,
 }
 
@@ -87,7 +87,7 @@ pub struct Motor {
     rotor: Rotor,
     /// Time since the last slip, s.
     held_s: f64,
-    /// Whether the motors' supply is on, and its leads too.
+    /// Whether the motors' supply is on and its leads are connected.
     pub powered: bool,
     /// Its supply, and what the bridge leaves of it, as fractions of the nominal one.
     supply: f64,
@@ -145,8 +145,8 @@ impl Motor {
         (self.counts - START_COUNTS) / COUNTS_PER_TURN * TAU
     }
 
-    /// Returns how its gear shakes while it turns: once a turn of its own shaft, and as much at the multiples, which a reader at
-    /// 200 Hz folds among the swings of flagella.
+    /// Returns the shaking by its gear while it turns: at the frequency of its own shaft and, as much, at multiples of it.
+    /// Readings at 200 Hz alias these to the frequencies of the flagella's swings.
     pub fn shaking(&self) -> f64 {
         let shaking = |multiple: i32| (f64::from(multiple) * self.angle_rad() * GEAR).cos();
         if self.speed_rpm == 0.0 { 0.0 } else { (1..=6).map(shaking).sum() }
@@ -207,16 +207,17 @@ impl Motor {
         }
     }
 
-    /// Returns the voltage that it makes by turning, as a fraction of the nominal supply.
+    /// Returns its own voltage (back EMF), as a fraction of the nominal supply.
     fn own_voltage(&self) -> f64 {
         self.speed_rpm / self.full_rpm() * (1.0 - self.parameters.dead_zone)
     }
 
-    /// Returns the mean current of pulses, as a fraction of that of the blocked motor at the nominal supply. `own`: its own voltage,
-    /// positive if it turns as the pulses drive it.
+    /// Returns the mean current of pulses, as a fraction of the blocked motor's current at the nominal supply. `own`: its own
+    /// voltage, positive if it turns in the direction of the pulses.
     ///
-    /// In a pulse the current rises towards that of the voltage that is left; after it, it falls through the diodes against the
-    /// supply, to zero or to the next pulse. Over a period the voltage across the inductance has the mean 0.
+    /// During a pulse the current rises towards that of the pulse's voltage less the motor's own. After the pulse it falls,
+    /// through the diodes and against the supply, until it is zero or the next pulse begins. Over a period the voltage across
+    /// the inductance has the mean 0.
     fn pulsed_current(&self, own: f64, share: f64, hz: f64) -> f64 {
         let period = 1.0 / (hz.max(1.0) * ELECTRICAL_S);
         let (pulse, pause) = (share * period, (1.0 - share) * period);
@@ -305,7 +306,7 @@ mod tests {
         let mut motor = Motor::new(MotorParameters::PUBLISHED);
         let mut speed_at = |drive| {
             motor.drive = drive;
-            // Short pulses hardly lose force as the motor gets faster, which then takes long.
+            // With short pulses the force hardly falls as the motor gets faster, so that this takes long.
             run(&mut motor, 6.0);
             motor.speed_rpm
         };

@@ -63,7 +63,7 @@ impl Pace {
         Self { speed, patience, since: (Instant::now(), board_s), heard: None }
     }
 
-    /// Returns whether the board waits for a slow host rather than lose bytes. Only real time waits for nobody.
+    /// Returns whether the board waits for a slow host rather than lose bytes: at any speed except real time.
     pub fn waits_for_host(&self) -> bool {
         self.speed != Speed::REAL_TIME
     }

@@ -30,7 +30,7 @@ const BATTERY: Supply = Supply::new([6.5, 5.5]);
 
 /// Own choice: motors of a faster gear, because an L298N leaves them little of a battery.
 const FAST: [MotorParameters; 2] = [motor(184.0, 0.09, false), motor(170.0, 0.12, true)];
-/// Own choice: motors that differ as two of one make do.
+/// Own choice: motors that differ like two of the same make.
 const UNEQUAL: [MotorParameters; 2] = [motor(134.0, 0.08, false), motor(124.0, 0.10, true)];
 const PUBLISHED: [MotorParameters; 2] = [MotorParameters::PUBLISHED; 2];
 

@@ -22,7 +22,7 @@ pub struct Runner {
     pub board: Board,
     /// Its port.
     pub port: Port,
-    /// Its time.
+    /// The pace of its time.
     pub pace: Pace,
     /// Whether opening the port resets the board, as DTR does on a Nano.
     pub reset_on_open: bool,

@@ -36,7 +36,7 @@ pub struct Serial {
     fate: Fate,
     /// Bytes of the frame under way.
     length: u64,
-    /// Whether the two ends run at different speeds and so read nonsense.
+    /// Whether the two ends run at different speeds, so that bytes are misread.
     pub garbled: bool,
     noise: Noise,
     /// Counts since the start.

@@ -1,6 +1,6 @@
-//! A board that was set up for its rig: its EEPROM has the settings that its user once sent and saved.
+//! Sets up a board for its rig: its EEPROM then has the settings that a user would have sent and saved.
 //!
-//! A board of its own goes through that, so that nothing here knows how the program keeps its settings.
+//! A separate board receives and saves them, so this code does not depend on how the program stores its settings.
 
 use crate::board::{Board, BoardOptions};
 use crate::bridge::Model;
@@ -18,7 +18,7 @@ const REFUSED: &str =
 const WAIT_MS: u64 = 1000;
 
 impl RigKind {
-    /// Returns the default settings with what this rig needs. The senses of its motors are for the user to find.
+    /// Returns the default settings, adapted to this rig except for the directions of its motors, which the user has to find.
     pub fn settings(&self) -> Settings {
         Settings {
             bridge: if self.bridge == Model::Drv8833 { Bridge::InIn } else { Bridge::Enable },

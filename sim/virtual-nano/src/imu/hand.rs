@@ -127,7 +127,7 @@ pub struct Span {
 pub struct Hand {
     /// The errors of later movements.
     pub grip: Grip,
-    /// The hand's own, so that a movement does not change the sensor's noise.
+    /// The hand's own random numbers, so that a movement does not change the sensor's noise.
     noise: Noise,
     /// The nominal attitude after the last movement.
     nominal: UnitQuaternion<f64>,

@@ -20,7 +20,7 @@ pub struct Part {
     pub errors: Errors,
     /// From the sensor's axes to the body's.
     mounting: Rotation3<f64>,
-    /// Fraction by which both sensors read too much beside their errors: a fault.
+    /// Fraction by which both sensors read too much in addition to their errors: a fault.
     pub scale: f64,
     /// Fraction of the next axis (y for x, z for y, x for z) that each axis of both sensors also reads: a fault.
     pub askew: f64,

@@ -1,4 +1,4 @@
-//! The numbers of the part: its data sheet PS-MPU-6000A-00, and its register map RM-MPU-6000A-00.
+//! Constants of the part, from its data sheet PS-MPU-6000A-00 and its register map RM-MPU-6000A-00.
 
 /// A measuring range.
 #[derive(Clone, Copy, PartialEq, Debug)]

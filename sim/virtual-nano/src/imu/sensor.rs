@@ -1,4 +1,4 @@
-//! Which sensor is on the board.
+//! The choice of the board's sensor.
 
 use super::errors::Errors;
 use super::sensor_file;
@@ -9,12 +9,12 @@ use std::str::FromStr;
 /// The choice of a sensor's errors.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub enum Sensor {
-    /// Those of [`Errors::ideal`].
+    /// The errors of [`Errors::ideal`].
     Ideal,
-    /// Those of [`Errors::typical`].
+    /// The errors of [`Errors::typical`].
     #[default]
     Typical,
-    /// Those of a file.
+    /// The errors of a file.
     Given(Box<Errors>),
 }
 

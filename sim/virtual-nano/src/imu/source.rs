@@ -38,9 +38,9 @@ pub struct Source {
     noise: Noise,
     /// The part, with its deviations from an ideal sensor.
     pub part: Part,
-    /// A turn about z beside everything else, °/s.
+    /// An additional turn about z, °/s.
     pub spin_dps: f64,
-    /// A turn about all axes at once beside everything else, °/s.
+    /// An additional turn about all axes at once, °/s.
     pub shaken_dps: f64,
 }
 
@@ -67,7 +67,7 @@ impl Turntable {
 
 impl Source {
     fn new(kind: Kind, errors: Errors, seed: u64) -> Self {
-        // A sequence of its own: the numbers of the errors would show in the first noise.
+        // A separate sequence: otherwise the first noise would repeat the random numbers of the errors.
         let noise = Noise::new(seed ^ 0x4E4F_4953_4500_0000);
         Self { kind, noise, part: Part::new(errors), spin_dps: 0.0, shaken_dps: 0.0 }
     }

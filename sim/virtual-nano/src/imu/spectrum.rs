@@ -27,7 +27,7 @@ impl LowPassed {
         let elapsed = if self.hz == hz { (time_s - self.time_s).max(0.0) } else { f64::INFINITY };
         (self.hz, self.time_s) = (hz, time_s);
         let phase = TAU * hz * FRAC_1_SQRT_2 * elapsed;
-        // Beyond, nothing of the old state is left.
+        // For longer intervals, nothing of the old state is left.
         let [[xx, xv], [vx, vv]] = if phase < 40.0 { transition(phase) } else { [[0.0; 2]; 2] };
         // Covariance from the noise of the interval: the stationary covariance less the old state's share.
         let added_xx = variance * (1.0 - xx * xx - xv * xv).max(0.0);
