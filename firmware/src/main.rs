@@ -73,7 +73,7 @@ mod nano {
         run(app, inbox, outbox, SupplyMonitor::new(peripherals.ADC))
     }
 
-    /// Makes the application. A function of its own, so that nothing else is called from its large frame.
+    /// Makes the application. A separate function, so that nothing else is called from its large frame.
     #[inline(never)]
     fn make_app() {
         // SAFETY: called once, from `main`, which does not use these peripherals.

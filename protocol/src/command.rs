@@ -66,8 +66,8 @@ pub enum Command {
         /// after it is tick 0.
         at: Micros,
     },
-    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. During the
-    /// drive the board checks the deadline and the heat of the windings, but not the encoders.
+    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. During the drive
+    /// the board checks the deadline, the heat of the windings and the noise of the encoders, but not the motion.
     Drive {
         /// Duties of motors 1 and 2.
         duty: [Duty; 2],

@@ -21,7 +21,7 @@ pub const OCR1BL: u8 = 0x8A;
 pub const TIFR1: u8 = 0x16;
 /// The flag of the alarm in TIFR1, which the clock also raises when the alarm is off.
 pub const ALARM_FLAG: u8 = 1 << 2;
-/// TIMSK1 with the interrupts of overflow and tick, without and with that of the alarm.
+/// TIMSK1 with the interrupts of overflow and tick, without and with the alarm's.
 pub const WITHOUT_ALARM: u8 = 0b011;
 pub const WITH_ALARM: u8 = 0b111;
 

@@ -151,7 +151,7 @@ impl<S: Storage> Store<S> {
         self.fault_log.read(&mut self.storage, index)
     }
 
-    /// Returns four bytes of the note, from one on, as a little-endian number.
+    /// Returns four bytes of the note from `index` on, as a little-endian number.
     pub fn read_note(&mut self, index: u8) -> u32 {
         let mut bytes = [0; 4];
         for (address, byte) in (note_address(index)..).zip(&mut bytes) {

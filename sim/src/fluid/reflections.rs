@@ -173,7 +173,7 @@ impl Kernel for Gather<'_> {
     }
 }
 
-/// Adds polynomials at the points to the flow there; compiled likewise.
+/// Adds polynomials at the points to the flow there; compiled for the machine's vector instructions.
 struct Spread<'a> {
     values: &'a [f64],
     coefficients: &'a [f64],

@@ -34,7 +34,7 @@ impl SteadyState {
     /// Computes the steady state by this method.
     ///
     /// # Errors
-    /// Those of [`solve`].
+    /// The errors of [`solve`].
     pub fn by(method: Method, problem: &Problem, watch: Watch) -> Result<Self, SolveError> {
         match method {
             Method::Steady => {

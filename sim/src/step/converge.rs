@@ -15,9 +15,9 @@ const LEAST_SPEED: f64 = 0.1;
 /// A twist error of one radian counts as this many times the speed of the helix. The factor does not depend on the
 /// step: where the twist is about to snap, a small imbalance may remain.
 const TWIST_LEVER: f64 = 5.0;
-/// Residuals are compared with at least the velocity of this displacement, in helix radii, over a step's first weight.
-/// It matters in steps below 0.13 rad: their residuals move the rods less, which saves some of the slowly converging
-/// sweeps while flagella snap past each other.
+/// Residuals are compared with at least the velocity kappa times this displacement, in helix radii. It matters in steps below
+/// 0.13 rad: their residuals move the rods less, which saves some of the slowly converging sweeps while flagella snap past
+/// each other.
 const LEAST_MOTION: f64 = 0.07;
 /// Least number of sweeps after the first for a moving base. The first rod lags the second by one sweep: with one sweep a
 /// step, errors below the tolerance would grow from step to step until they reach it.

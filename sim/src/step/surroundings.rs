@@ -64,7 +64,7 @@ struct HeadFlow {
     targets: Targets,
     /// Velocity of the surface relative to the flow of everything else, three numbers per point.
     slip: Vec<f64>,
-    /// Forces on the fluid, likewise.
+    /// Forces on the fluid, three numbers per point.
     forces: Vec<f64>,
     /// The forces before the last update.
     before: Vec<f64>,

@@ -14,7 +14,7 @@ pub struct Attempt {
     pub motors: [MotorState; 2],
     /// Points of the time formula and of the extrapolation for its error, at most [`POINTS`].
     pub points: usize,
-    /// Earlier points that the prediction may use, likewise.
+    /// Earlier points that the prediction may use, at most [`POINTS`].
     pub prediction_points: usize,
     /// Whether its frozen inverses are built at the predicted shapes, for rods that are about to buckle. If the step
     /// succeeds, the next ones keep these shapes.

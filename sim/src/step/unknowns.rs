@@ -1,6 +1,6 @@
 //! All unknowns of a step in one vector, for the acceleration of the iteration.
 //!
-//! Edge lengths are entries of their own beside the nodes: a combination of iterates acts on directions and lengths
+//! Edge lengths are separate entries in addition to the nodes: a combination of iterates acts on directions and lengths
 //! separately.
 
 use super::body::BodySolve;

@@ -14,7 +14,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A trial keeps the states of one window, and twelve means per turn of the faster motor over at most
+//! A trial keeps the values of two windows, and twelve means per turn of the faster motor over at most
 //! [`crate::trial::means::STRETCH`].
 //!
 //! If the motors are outside of the simulator, for instance those of an emulated board, their speeds are not known in

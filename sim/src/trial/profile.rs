@@ -71,7 +71,7 @@ pub struct Phases {
 pub struct Reverse {
     /// Index of the motor, 0 or 1.
     pub motor: usize,
-    /// When, from the start of the run, s.
+    /// Time from the start of the run, s.
     pub after: f64,
 }
 

@@ -29,8 +29,8 @@ pub enum Model {
 }
 
 impl Model {
-    /// Returns its voltage drop, V. That of the other two, which have MOSFETs, is some 0.1 V at the currents of such motors
-    /// and left out.
+    /// Returns its voltage drop, V. The MOSFETs of the other two lose some 0.1 V at the currents of such motors, which is
+    /// left out.
     pub fn lost_v(self) -> f64 {
         match self {
             // Its least total drop at 1 A (ST, electrical characteristics). Own choice: the same at any current.

@@ -89,7 +89,7 @@ pub struct Motor {
     held_s: f64,
     /// Whether the motors' supply is on and its leads are connected.
     pub powered: bool,
-    /// Its supply, and what the bridge leaves of it, as fractions of the nominal one.
+    /// Its supply, and the supply less the bridge's voltage drop, as fractions of the nominal one.
     supply: f64,
     driven: f64,
     /// Relative change of its speed.

@@ -1,4 +1,5 @@
-//! What is wired to the Nano: bridge, motors, their supply, and encoders or none. The settings of the board may say otherwise.
+//! The devices wired to the Nano: bridge, motors, their supply, and encoders if there are any. The settings of the board may
+//! differ.
 
 use crate::bridge::Model;
 use crate::drift::Supply;

@@ -127,8 +127,8 @@ struct Entry {
     values: [f64; CHANNELS],
 }
 
-/// Computes the steady state of a run value by value. It keeps two windows of values, the means of all cells of at most two
-/// stretches, and one mean of yaw and pitch for each block.
+/// Computes the steady state of a run value by value. It keeps the values of two windows, the means of the cells of at most
+/// one [`STRETCH`], and the mean yaw and pitch of each block.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SteadyCollector {
     start: f64,
@@ -238,7 +238,7 @@ impl SteadyCollector {
         }
     }
 
-    /// Returns means and amplitudes between two times (s), by trapezia with values interpolated at the ends.
+    /// Returns means and amplitudes between two times (s), by the trapezoidal rule with values interpolated at the ends.
     fn levels(&self, from: f64, to: f64) -> [Level; CHANNELS] {
         let mut sums = [0.0; CHANNELS];
         let mut low = [f64::INFINITY; CHANNELS];

@@ -58,7 +58,7 @@ mod tests {
         for rpm in [[45.5, -45.53], [60.0, 60.03], [30.01, 60.0], [50.0, 0.01]] {
             assert!(slips(rpm), "{rpm:?}");
         }
-        // Exact ratios, and beats of which the stretch shows enough.
+        // Exact ratios, and beats that the stretch shows well enough.
         for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
             assert!(!slips(rpm), "{rpm:?}");
         }

@@ -399,7 +399,7 @@ mod tests {
         }
     }
 
-    /// Beats of 300 s, of which the stretch has a fifth.
+    /// Beats of 300 s; the stretch has a fifth of one.
     #[test]
     fn the_standard_error_has_the_part_of_a_slow_beat_that_is_not_seen() {
         let speeds = [-60.1, 60.3].map(|rpm| rpm * PI / 30.0);
@@ -411,7 +411,7 @@ mod tests {
         }
     }
 
-    /// Beats of 7:1, of which the stretch has a third, count where the flagella touch: no term of the series is one.
+    /// Beats of 7:1, of which the stretch has a third, count where the flagella touch: the series has no term for them.
     #[test]
     fn the_standard_error_has_the_unseen_part_of_a_beat_of_higher_order() {
         let speeds = [70.3, 10.0].map(|rpm| rpm * PI / 30.0);

@@ -183,7 +183,7 @@ impl<'de> Deserialize<'de> for Values {
     }
 }
 
-/// Reads the numbers of a key, as many as it has parts; none where it is `null`.
+/// Reads the numbers of a key, as many as it has parts; no number for `null`.
 fn numbers<'de, A: MapAccess<'de>>(quantity: &Quantity, parts: usize, map: &mut A) -> Result<Vec<f64>, A::Error> {
     if quantity.is_single() {
         return Ok(map.next_value::<Option<f64>>()?.into_iter().collect());

@@ -70,7 +70,7 @@ mod typical {
     pub const BOARD_CLOCK: f64 = 0.005;
     /// Assumed: a module that was glued in by eye, °.
     pub const MOUNTING_DEG: f64 = 2.0;
-    /// Flicker, °/s: 1.5 times that of axis x in `tests/data/mpu6050/still-655s.csv`, whose other axes show none.
+    /// Flicker, °/s: 1.5 times the flicker of axis x in `tests/data/mpu6050/still-655s.csv`, whose other axes show none.
     pub const FLICKER_DPS: f64 = 0.006;
     /// Assumed, s: the bias follows the structure, which the chip's thermometer does not touch.
     pub const THERMOMETER_LAG_S: f64 = 20.0;
@@ -103,7 +103,7 @@ impl Errors {
     /// Returns the errors of a part that is used as bought: the biases of [`Errors::ideal`] with the same seed, and all
     /// other errors uniform within the limits of the data sheet.
     pub fn typical(seed: u64) -> Self {
-        // A sequence of its own, so that the biases stay those of the ideal part.
+        // A separate sequence, so that the biases stay those of the ideal part.
         let mut noise = Noise::new(seed ^ 0x5459_5049_4341_4C00);
         let mut draw = |limit: f64| limit * (2.0 * noise.uniform() - 1.0);
         let mut three = |limit: f64| std::array::from_fn(|_| draw(limit));
