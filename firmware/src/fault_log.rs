@@ -1,4 +1,4 @@
-//! The fault log: the last faults in EEPROM, also those before the host opened the port, which resets the board.
+//! The fault log: the last faults in EEPROM, including those before the host opened the port, which resets the board.
 //!
 //! Entry n is in slot n modulo [`FAULT_RECORDS`]; n wraps at 256.
 //!

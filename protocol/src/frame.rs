@@ -50,8 +50,8 @@ impl core::error::Error for FrameError {}
 ///
 /// # Errors
 /// [`FrameError::TooLong`] if `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
-// Inlined into a caller that has the buffer on its stack, every access to the encoder would take five more instructions
-// on the board, where access by the stack pointer reaches 63 bytes.
+// Not inlined: with the buffer on the caller's stack, every access to the encoder would take five more instructions on the
+// board, where access by the stack pointer reaches 63 bytes.
 #[inline(never)]
 pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a mut [u8], FrameError> {
     let payload = buffer.get_mut(1..).ok_or(FrameError::TooLong)?;
@@ -143,8 +143,8 @@ impl Accumulator {
         self.push_for_payload(byte).map(|payload| payload.and_then(read))
     }
 
-    /// Takes one byte like [`Accumulator::push`], but returns the frame's payload undecoded, for a receiver that has to
-    /// know of an intact frame even if it is not a message of this version.
+    /// Takes one byte like [`Accumulator::push`], but returns the frame's payload undecoded, for a receiver that must notice
+    /// an intact frame even if it is not a message of this version.
     pub fn push_for_payload(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
         if self.ended {
             self.ended = false;

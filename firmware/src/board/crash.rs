@@ -1,10 +1,10 @@
 //! The reaction to a hang: motors off, a record that survives, and a restart.
 //!
-//! At the watchdog's first time-out, an interrupt stops the motors, records where the program hung, and restarts it by
-//! a jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs:
-//! the motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of
-//! some Nanos does not turn it off: it is reset again and again, with the motors off, until the board has no power. The
-//! button does not help, because the flag that keeps the watchdog on survives it.
+//! At the watchdog's first time-out, an interrupt stops the motors, records where the program hung, and restarts it by a
+//! jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs: the
+//! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
+//! does not turn it off: the chip is reset again and again, with the motors off, until the board loses power. The button does
+//! not help, because the flag that keeps the watchdog on survives it.
 //!
 //! A reset while a motor was on, whatever its cause, is logged as a hang without an address. So is a reset while the fault
 //! that turned the motors off is being logged.

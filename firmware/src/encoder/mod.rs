@@ -10,10 +10,10 @@
 //! that the error is noticed.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm. The
-//! time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the poles
-//! of the encoder's magnet differ in length, or over one pole if the motion began with it. While no edge comes, the speed is
-//! at most one count in the time since the last one, so that it falls towards zero when edges stop, and is zero after
-//! [`STANDSTILL_US`].
+//! time between edges resolves a thousandth of the speed. It is measured between edges to the same level of channel 1,
+//! because the poles of the encoder's magnet differ in length, or over one pole if the motion began with it. While no edge
+//! comes, the speed is at most one count in the time since the last one, so that it falls towards zero when edges stop, and
+//! is zero after [`STANDSTILL_US`].
 //!
 //! Units: positions in counts, times in µs, speeds in hundredths of rpm.
 

@@ -208,7 +208,7 @@ fn an_edge_back_and_forth_is_no_motion() {
     }
 }
 
-/// Returns the edges found of one to high at 10,000 µs and one to low at 12,000 µs, with a spike of 3 µs.
+/// Returns the edges that the filter finds for one to high at 10,000 µs and one to low at 12,000 µs, with a spike of 3 µs.
 fn spike_at(start: u32, seen: bool, offset: u32) -> Edges {
     let mut filter = Filter::new();
     let mut line = false;
@@ -234,7 +234,7 @@ fn a_spike_changes_neither_the_count_nor_the_time() {
             assert_eq!((edges.last.count, edges.before.count, edges.number), (2, 1, 2), "{start}");
             for (edge, true_us) in [(edges.before, 10_000), (edges.last, 12_000u32)] {
                 let late = edge.time.since(Micros(offset.wrapping_add(true_us))) as i32;
-                // One that overlaps a true edge moves it, and so does one so close that either may be the edge.
+                // A spike that overlaps a true edge moves it, and so does a spike so close that either may be the edge.
                 assert!(late == 0 || late.abs() <= 6 && start.abs_diff(true_us) <= 6, "{late} µs, {start}");
             }
             assert!(edges.glitches == 2 || [9997, 10_000, 11_997, 12_000].contains(&start), "{start}");

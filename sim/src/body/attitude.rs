@@ -47,8 +47,8 @@ pub fn of_vector(rotation: V3) -> UnitQuaternion<f64> {
     rotated(&UnitQuaternion::identity(), rotation)
 }
 
-/// Returns the smallest rotation of a direction into another one, which need not be unit vectors; `None` if they are opposite
-/// or have no direction.
+/// Returns the smallest rotation of a direction into another one; `None` if they are opposite or zero. They need not be unit
+/// vectors.
 pub fn aligning(from: V3, to: V3) -> Option<UnitQuaternion<f64>> {
     let (from, to) = (from.try_normalize(0.0)?, to.try_normalize(0.0)?);
     let twice = Quaternion::from_parts(1.0 + from.dot(&to), from.cross(&to));

@@ -20,7 +20,7 @@ const POINTS: f64 = 250.0;
 /// Damping of the least squares, relative to the mean square of a force's flow. It matters only for forces that cause
 /// no flow.
 const DAMPING: f64 = 1e-9;
-/// Extent of a wall that no other wall ends, over its distance from the robot's middle.
+/// Extent of a wall that no other wall bounds, over its distance from the robot's middle.
 const OPEN: f64 = 8.0;
 /// Distance of the forces behind a wall, over the spacing of its points.
 const BEHIND: f64 = 1.0;

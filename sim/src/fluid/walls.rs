@@ -57,7 +57,7 @@ pub struct Walls {
     pub surface: Option<f64>,
 }
 
-/// Images are far beyond this distance from every point of the robot, over half the width of its space.
+/// An image is far if its distance from the robot's space is more than this, over half the width of that space.
 const FAR: f64 = 2.1;
 
 impl Walls {

@@ -78,10 +78,10 @@ pub struct Base {
     /// Distance of the shafts in m (0.045, publication). If it is too small, the flagella touch at rest.
     pub motor_distance_m: f64,
     /// Principal moments of inertia about x_B, y_B, z_B in kg m2 (1.63e-5, 1.63e-5, 0.91e-5, from a commented table of the
-    /// publication's source). Its effect lasts only milliseconds.
+    /// publication's source). Their effect lasts only milliseconds.
     pub inertia_kg_m2: [f64; 3],
-    /// Mass centre below the joint in m (0.002, publication): an effective value: m g r_m includes everything that hangs from
-    /// the joint. With zero, nothing rights the robot.
+    /// Mass centre below the joint in m (0.002, publication): an effective value, since m g r_m includes everything that
+    /// hangs from the joint. With zero, nothing rights the robot.
     pub mass_centre_below_joint_m: f64,
     /// Coefficient C_r of the base's rotational drag 2 pi mu C_r r_h^3 (2.3, publication).
     pub rotational_drag: f64,

@@ -1,10 +1,10 @@
 //! Estimates the cost of a steady state before it is computed, so that a table can begin with the most expensive ones.
 //!
-//! Steps follow the fastest of the two motors and of their difference. Where the flagella touch, a step takes more sweeps and
-//! is shorter. They touch most of the time if the thrust of both pushes towards the base. They touch some of the time if only
-//! the faster one pushes, or if both pull at similar speeds. `cost.csv` of `biflag sweep` has the processor times of a table:
-//! where the factor for contact below is 1.0, 5 or 30, they are 0.06 to 0.23, 0.45 to 0.87 or 1 to 28 s for the built-in
-//! robots.
+//! The fastest of the two motors' speeds and their difference sets the length of a step. Where the flagella touch, a step
+//! takes more sweeps and is shorter. They touch most of the time if the thrust of both pushes towards the base. They touch
+//! some of the time if only the faster one pushes, or if both pull at similar speeds. `cost.csv` of `biflag sweep` has the
+//! processor times of a table: where the factor for contact below is 1.0, 5 or 30, they are 0.06 to 0.23, 0.45 to 0.87 or 1
+//! to 28 s for the built-in robots.
 
 use super::period;
 use crate::functions::pow;

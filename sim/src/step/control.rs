@@ -42,7 +42,7 @@ const EASY_ANGLE: f64 = 4.0 * PI;
 const CONTACT_LEVEL: u32 = 4;
 /// Steps after contact in which motion is not yet free.
 const POST_CONTACT_STEPS: u32 = 40;
-/// Steps after contact in which formulas take one point less, and the prediction another: the motion had a kink.
+/// Steps after contact in which formulas take one point less, and predictions two: the motion had a kink.
 const KINK_STEPS: u32 = 4;
 /// Steps below this angle, rad, take one point less, and so do all steps with clamps that do not move, which need one sweep.
 /// Their error is small, and formulas of all points amplify the errors that iterations leave, even for a robot at rest.

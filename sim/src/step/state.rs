@@ -72,7 +72,7 @@ pub struct State {
     pub motors: [MotorState; 2],
     /// The base.
     pub body: Body,
-    /// Up to three earlier steps, newest first.
+    /// Up to four earlier steps, newest first.
     pub past: Vec<Past>,
     /// Contact pairs of the last step with their forces.
     pub pairs: Vec<Pair>,

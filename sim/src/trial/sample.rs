@@ -1,7 +1,7 @@
 //! Samples of a trial, and dense output: values between steps, as accurate as those at the steps.
 //!
-//! Steps are longer than the intervals of samples. Values in between are interpolated from the last four steps in the time
-//! formulas' own basis, exact for {1, t, cos wt, sin wt} with the speed w of the motor that drives them.
+//! Steps are longer than the intervals of samples. Values in between are interpolated from the last five steps in the time
+//! formulas' own basis, exact for {1, t, t^2, cos wt, sin wt} with the speed w of the motor that drives them.
 
 use crate::V3;
 use crate::body::attitude::{euler_zyx, of_vector, rotated, rotation_between, unwrap};
@@ -92,7 +92,7 @@ pub struct StepRecord {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DenseOutput {
     records: VecDeque<StepRecord>,
-    /// Time before the newest step for which values are available, s; at least the last four steps are kept.
+    /// Time before the newest step for which values are available, s; at least the last five steps are kept.
     #[serde(default)]
     reach: f64,
 }

@@ -40,10 +40,10 @@ const SLACK: Duration = Duration::from_millis(500);
 /// deadline, and five times the delay after which the start of a run counts as late.
 const LEAD_S: f64 = 0.040;
 
-/// Default time that the board waits for a silent host, which has hung or waits for the board. The board's time then
-/// passes as fast as real time, and the motors' deadline is that of a real board. The wait must be shorter than a
-/// host's last wait for an answer, 400 ms, because saving the settings takes the board longer than the lead. A host
-/// that sends something while it waits may ask for more, so that only its end counts as silence.
+/// Default time that the board waits for a silent host, which has hung or waits for the board. The board's time then passes
+/// as fast as real time, and the motors' deadline is that of a real board. The wait must be shorter than a host's last wait
+/// for an answer, 400 ms, because saving the settings takes the board longer than the lead. For a host that keeps sending
+/// while it waits, the patience may be longer: it is silent only after its end.
 pub const PATIENCE_S: f64 = 0.2;
 
 /// Holds the board's time to a speed.

@@ -14,8 +14,8 @@ struct Errors {
     force: f64,
 }
 
-/// Standard errors of the solver, whose step errors add up in the slow modes (`sim/docs/steady.md`): of a motion in which the
-/// flagella do not touch, and of one in which they do.
+/// Standard errors of the solver, whose step errors add up in the slow modes (`sim/docs/steady.md`): for flagella that do not
+/// touch, and for flagella that touch.
 const FREE: Errors = Errors { angle: 0.045 * PI / 180.0, force: 1e-3 };
 const TOUCHING: Errors = Errors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
 

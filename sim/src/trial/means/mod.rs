@@ -451,7 +451,8 @@ mod tests {
         };
         assert_eq!(settled([45.5, -45.53], false), (false, false));
         assert_eq!(settled([45.5, -45.5], false), (true, true));
-        // 4:3 but for a slip of a turn in 1000 s, over which the thrusts of the robot `physical`, whose flagella touch, vary by 5 %.
+        // 4:3 with a slip of a turn in 1000 s, over which the thrusts of the robot `physical`, whose flagella touch, vary by
+        // 5 %.
         assert_eq!(settled([84.02, 63.0], true), (false, false));
         assert_eq!(settled([84.0, 63.0], true), (true, true));
     }

@@ -83,7 +83,7 @@ impl Errors {
     }
 
     /// Returns the errors of a part calibrated on a turntable: scales, axes and clocks are exact; biases are drawn from
-    /// normal distributions, cut at three standard deviations, or at the data sheet's limit if that is less.
+    /// normal distributions, truncated at three standard deviations, or at the data sheet's limit if that is less.
     pub fn ideal(seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let mut draw = |spread: f64| spread * noise.normal().clamp(-3.0, 3.0);

@@ -1,10 +1,10 @@
 //! The sensor in a person's hand: it lies still, z up, until it is turned or posed.
 //!
-//! An attitude rotates vectors from body axes to world axes, z up. A movement leads from one nominal attitude to the
-//! next along one rotation, with the speed profile of least jerk, as people move (Flash and Hogan 1985, doi
-//! 10.1523/JNEUROSCI.05-07-01688.1985). Two human errors are added and can be set: the hand sways on its way, and it
-//! stops beside the mark. Stops err about the nominal attitude, so their errors do not add up. The sensor turns about
-//! its own centre and feels no centripetal force.
+//! An attitude rotates vectors from body axes to world axes, z up. A movement leads from one nominal attitude to the next
+//! along one rotation, with the minimum-jerk speed profile, as people move (Flash and Hogan 1985, doi
+//! 10.1523/JNEUROSCI.05-07-01688.1985). Two human errors are added and can be set: the hand sways on its way, and it stops
+//! beside the mark. Stops err about the nominal attitude, so their errors do not add up. The sensor turns about its own
+//! centre and feels no centripetal force.
 
 use super::noise::Noise;
 use super::part::ROOM_C;
@@ -111,7 +111,7 @@ impl Step {
     }
 }
 
-/// The begin and end of a movement.
+/// The start and end of a movement.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Span {
     /// The board's time at its begin, s.
@@ -185,7 +185,7 @@ impl Hand {
         self.steps.back().is_some_and(|step| time_s < step.end_s)
     }
 
-    /// Returns the attitude at a time. Times before the last but one movement are forgotten by [`Self::movement`].
+    /// Returns the attitude at a time. [`Self::movement`] drops the movements before the last one that has ended.
     pub fn attitude(&self, time_s: f64) -> UnitQuaternion<f64> {
         let begun = self.steps.iter().rev().find(|step| step.begin_s <= time_s);
         begun.or(self.steps.front()).map_or(self.nominal, |step| step.attitude(time_s))

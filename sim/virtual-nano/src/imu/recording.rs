@@ -94,7 +94,7 @@ impl Recording {
 
     /// Returns the reading `seconds` after the first sample, interpolated; beyond the end the last one.
     ///
-    /// The integral of the rates then equals the recording's by the trapezium rule. If samples were held, their uneven
+    /// The integral of the rates then equals the recording's by the trapezoidal rule. If samples were held, their uneven
     /// times would turn the sensor at random.
     pub fn at(&self, seconds: f64) -> Sample {
         let time_s = self.first().time_s + seconds;
@@ -124,8 +124,8 @@ impl Recording {
         self.at_rest(self.samples.iter().rev().take_while(|sample| sample.time_s >= start))
     }
 
-    /// Returns the sample at rest. The hands that moved the sensor were not quite still at either end: only gravity is
-    /// averaged.
+    /// Returns the sample at rest. The hands that moved the sensor were not quite still at either end: the mean gives gravity
+    /// and temperature, but not the rates.
     fn at_rest<'a>(&self, samples: impl Iterator<Item = &'a Sample>) -> Sample {
         Sample { gyro: self.gyro_at_rest, ..mean(samples) }
     }
