@@ -172,7 +172,7 @@ fn starts_without_known_positions_wear_the_memory_evenly_too() {
 #[test]
 fn a_broken_byte_costs_its_slot_and_never_tells_a_wrong_position() {
     for byte in 0..SLOT {
-        // In the slot of the second record, broken when that is written and once it is there.
+        // The byte is in the slot of the second record, and breaks before that record is written, then after it.
         let mut board = Board::aligned();
         board.memory.stuck = Some(address_of(9) + byte);
         board.turn([300, 400]);

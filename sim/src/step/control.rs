@@ -203,9 +203,8 @@ impl StepControl {
 
 /// Returns the speed that limits the angle of steps, for motors at these speeds, rad/s.
 ///
-/// The forces of one flagellum on the other, and of both on the body, beat with the difference of their speeds. With
-/// steps limited by the faster motor alone, the tilt is wrong by up to a degree for motors that turn in opposite
-/// senses.
+/// The forces of one flagellum on the other, and of both on the body, beat with the difference of their speeds. With steps
+/// limited by the faster motor alone, the tilt is wrong by up to a degree for motors that turn in opposite directions.
 fn fastest(speeds: [f64; 2]) -> f64 {
     speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs())
 }

@@ -40,7 +40,7 @@ pub struct StepReport {
     pub error: f64,
     /// Number of pairs that press.
     pub touching: u32,
-    /// Number of those between the flagella; the others press a flagellum against itself.
+    /// Number of pressing pairs between the flagella; the others press a flagellum against itself.
     pub between: u32,
     /// Largest force of a pair, N.
     pub largest_force: f64,

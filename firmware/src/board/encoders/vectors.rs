@@ -80,7 +80,7 @@ macro_rules! interrupt_of {
             "in r24, {sreg}",
             "push r24",
             "push r25",
-            // Before the PWM is asked, whose edge is then not older than these levels.
+            // The levels are read before the PWM, so that no disturbance of them is missed.
             "in r24, {pind}",
             "sts {encoders} + {port}, r24",
             "call {since_pwm}",

@@ -142,7 +142,7 @@ impl Shape {
 }
 
 impl Quantity {
-    /// Returns the unit as it stands at the end of the name; empty for a pure number.
+    /// Returns the unit as a suffix of the name; empty for a pure number.
     fn suffix(&self) -> String {
         if self.unit == "1" { String::new() } else { format!("_{}", self.unit.replace(' ', "").to_lowercase()) }
     }
