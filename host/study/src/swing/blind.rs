@@ -1,4 +1,4 @@
-//! How fast the motors turned, by the motion alone.
+//! Estimates the speeds of the motors from the motion alone.
 
 use super::causes::SLOWEST_RPM;
 use super::lines::{FASTEST_HZ, Fit, Fitter, size};
@@ -14,82 +14,83 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::ops::Range;
 
-/// Length of the part in which the lines are told, s.
+/// Length of the part that identifies the lines, s.
 pub(super) const PART_S: f64 = 20.0;
 
-/// How often speeds that wander are followed.
+/// Number of iterations that follow wandering speeds.
 const FOLLOWED: usize = 2;
 
-/// By which factor the part grows in which they are.
+/// Factor by which the part grows towards the whole motion.
 const GROWTH: f64 = 1.25;
 
-/// Most steps of a fit.
+/// Maximum number of steps of a fit.
 const STEPS: usize = 4;
 
-/// Why no speed is told where nothing turns.
+/// Reason for unknown speeds if nothing turns.
 pub const NO_LINE: &str = "no line of a motor is seen";
 const ONE_OR_NEAR: &str = "one motor turns, or both at nearly one speed";
 const TOUCH: &str = "the flagella touch, or the motion does not repeat";
 
-/// Lines of which a motor may have any.
+/// Number of strongest lines that may be a motor's.
 const LINES: usize = 8;
 
-/// Readings that are fitted exactly.
+/// Number of readings that are fitted exactly.
 const REFINED: usize = 6;
 
-/// The fastest motor alone that is looked for, Hz: a motor without load at full duty.
+/// Highest frequency searched for a motor that turns alone, Hz: a motor without load at full duty.
 const FASTEST_ALONE_HZ: f64 = 2.7;
 
-/// How far they may move, in turns over the whole time; closer readings are the same.
+/// Largest change of the frequencies in an exact fit, and the distance below which two readings are the same, in turns over the
+/// whole time.
 const REACH_TURNS: f64 = 0.8;
 const SAME_TURNS: f64 = 0.5;
 
-/// The least score of two motors, and by how much it must be better than that of other speeds, or of other motors.
+/// Least score of two motors, and its least lead over readings with other speeds or with the motors swapped.
 const LEAST_SCORE: f64 = 10.0;
 const LEAST_LEAD: f64 = 2.0;
 
-/// Labelled speeds that are nearer, in turns over the whole time, are those of two motors where one alone leaves much of the motion,
-/// and both so many times less.
+/// Labelled speeds closer than this, in turns over the whole time, are those of two motors only if one line leaves at least this
+/// share of the motion unexplained, and two lines leave this many times less.
 const NEAR_TURNS: f64 = 3.0;
 const LEAST_LEFT_OF_ONE: f64 = 0.08;
 const BETTER_THAN_ONE: f64 = 4.0;
 
-/// The largest share of a motion that opposite equal speeds may leave, which one line explains: it may be of one motor whose
-/// flagellum is bent.
+/// Largest share of a motion that opposite equal speeds may leave unexplained. They have one line, as has one motor with a bent
+/// flagellum.
 const MOST_LEFT_OPPOSITE: f64 = 0.015;
 
-/// The least swing in the plane that a motor makes, by the usual one; and at opposite equal speeds.
+/// Least swing in the plane of a motor, relative to the usual one; and the same at opposite equal speeds.
 const LEAST_LINE: f64 = 0.2;
 const LEAST_OPPOSITE: f64 = 0.33;
 
-/// The usual swing of a motor by that of the other one, below which its sense is not told.
+/// Ratio of a motor's usual swing to the other motor's, below which its sense is not estimated.
 const HIDDEN: f64 = 0.06;
 
-/// A motor's line turns: the largest share of the opposite one.
+/// Largest opposite component of a motor's line, relative to the component that turns with the motor.
 const FLATTEST: f64 = 0.75;
 
-/// Slower motors are not told. A little less than their own limit, which a motor may miss.
+/// Lowest speed that is estimated, rpm: a little below the limit of a label, which a motor may just miss.
 const LEAST_RPM: f64 = 0.95 * SLOWEST_RPM;
 
-/// The least agreement of both phases about z with their motors, of 2.
+/// Least `agreement` of the phases about z with their motors, of at most 2.
 const LEAST_AGREEMENT: f64 = 1.4;
 
-/// What the scatter of phases understates an error by: neighbouring windows have common errors.
+/// Factor by which the scatter of the phases understates the error, because neighbouring windows share errors.
 const INFLATION: f64 = 1.9;
 
-/// By how many of its sizes what is left of a motion may pull a line, 95 %.
+/// Pull of the residual motion on a line's phase, as a multiple of the ratio of their sizes, 95 %.
 const PULL: f64 = 1.5;
 
-/// Least uncertainty, rpm s: of the phase at both ends.
+/// Least uncertainty times the length of the motion, rpm s: from the error of the phase at both ends.
 const FLOOR_RPM_S: f64 = 2.0;
 
-/// A larger uncertainty is that of a line which does not hold its phase: it is no motor's.
+/// Largest uncertainty of a motor's speed, rpm. A line with a larger one does not hold its phase, so it is not a motor's.
 const MOST_RPM: f64 = 0.4;
 
 /// Speeds of both motors, measured by the swing of the robot.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct SwingSpeeds {
-    /// Speed of motor 1; `None` where it cannot be told.
+    /// Speed of motor 1; `None` if it is unknown.
     pub measured_w1_rpm: Option<f64>,
     /// Its 95 % uncertainty.
     pub measured_w1_uncertainty_rpm: Option<f64>,
@@ -97,12 +98,12 @@ pub struct SwingSpeeds {
     pub measured_w2_rpm: Option<f64>,
     /// Its 95 % uncertainty.
     pub measured_w2_uncertainty_rpm: Option<f64>,
-    /// Why they cannot be told; `None` if they are.
+    /// Why the speeds are unknown; `None` if they are known.
     pub not_measured: Option<&'static str>,
 }
 
 impl SwingSpeeds {
-    /// Returns no speeds, and why.
+    /// Returns unknown speeds with a reason.
     pub fn unknown(why: &'static str) -> Self {
         Self { not_measured: Some(why), ..Self::default() }
     }
@@ -118,12 +119,12 @@ impl SwingSpeeds {
         }
     }
 
-    /// Returns the speeds, if they can be told.
+    /// Returns the speeds, if both are known.
     pub fn rpm(&self) -> Option<[f64; 2]> {
         self.measured_w1_rpm.zip(self.measured_w2_rpm).map(<[f64; 2]>::from)
     }
 
-    /// Measures the speeds in a part of a run, if it has one.
+    /// Measures the speeds in a part of a run; without a part, they are unknown for its reason.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
         match part_s.and_then(|part_s| speeds(angles_deg, part_s, None)) {
             Ok(speeds) => Self::told(speeds),
@@ -144,10 +145,10 @@ impl fmt::Display for SwingSpeeds {
 }
 
 /// Returns the speed (rpm) of a motor that turns alone, with its 95 % uncertainty. Its sign is the likelier one: a flagellum that
-/// touches the other one, which stands, makes the base swing to and fro.
+/// touches the standing one makes the base swing to and fro.
 ///
 /// # Errors
-/// Why it cannot be told.
+/// The reason why it is unknown.
 pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, f64), &'static str> {
     let motion = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
     let fitter = Fitter::new(&motion);
@@ -177,10 +178,10 @@ struct Reading {
     fit: Fit,
 }
 
-/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties: `near` those of a label, or whichever they are.
+/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties, optionally only if they are `near` those of a label.
 ///
 /// # Errors
-/// Why they cannot be told.
+/// The reason why they are unknown.
 pub(super) fn speeds(
     angles_deg: &Columns<3>,
     settled_s: Range<f64>,
@@ -190,7 +191,7 @@ pub(super) fn speeds(
     if motion.stops().is_some() {
         return Err("the motors stop before the end of the run");
     }
-    // A part tells what the lines are, where speeds that wander do not blur them. It grows, so that no turn is lost.
+    // A short part identifies the lines, because wandering speeds do not blur it. It then grows, so that no turn is lost.
     let lengths_s = std::iter::successors(Some(PART_S), |s| (*s < motion.length_s).then_some(s * GROWTH));
     let part = |s: f64| Motion::of(angles_deg, settled_s.start.max(settled_s.end - s)..settled_s.end);
     let parts: Vec<Motion> = lengths_s.filter_map(part).collect();
@@ -211,7 +212,7 @@ pub(super) fn speeds(
     }
     let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);
     if near.is_some() && one.min(other) > 0.0 && (one - other).abs() < NEAR_TURNS {
-        // Of a motor that wanders, a line looks like two.
+        // The line of a motor whose speed wanders looks like two.
         let (_, alone) = grown([fit.hz[0], 0.0]).ok_or(TOUCH)?;
         let [both, alone] = [&fit, &alone].map(|fit| fit.left[0] + fit.left[1]);
         if alone < LEAST_LEFT_OF_ONE || both > alone / BETTER_THAN_ONE {
@@ -223,7 +224,7 @@ pub(super) fn speeds(
     Ok([0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, hypot(uncertainty[k], pull(k)))))
 }
 
-/// Returns a fit near two frequencies by the times of motors that wander.
+/// Returns a fit near two frequencies, on times that follow wandering speeds.
 fn followed(mut fitter: Fitter, hz: [f64; 2], reach: [f64; 2]) -> Option<(Fitter, Fit)> {
     let mut fit = fitter.refined(hz, reach, STEPS)?;
     for _ in 0..FOLLOWED {
@@ -274,21 +275,21 @@ fn told(motion: &Motion, near: Option<&Labelled>) -> Result<(Fit, Vec<f64>), &'s
 /// Returns the readings of a fit: the senses and the motors that its lines may have.
 fn readings(fit: &Fit) -> Vec<Reading> {
     let senses = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
-    // The senses of one line for both are in its frequencies.
+    // If both motors share one line, its frequencies contain their senses.
     let is_one = fit.motor(1).is_none() && fit.hz[1] != 0.0;
     let all = senses.into_iter().flat_map(|senses| [false, true].map(|swapped| (senses, swapped)));
     let all = all.filter(|([a, b], swapped)| !is_one || a == b && !swapped);
     all.map(|(senses, swapped)| fit.read(senses, swapped)).map(|fit| Reading { score: score(&fit), fit }).collect()
 }
 
-/// Returns whether a line is weaker than any motor's.
+/// Returns whether a motor's line is weaker than any motor makes it.
 fn has_too_weak(fit: &Fit) -> bool {
     let least = |k: usize| LEAST_LINE * in_plane_dps(fit.hz[k].abs() * 60.0);
     let is_weak = |k: usize| fit.motor(k).is_some_and(|line| size(line.turns) < least(k));
     (0..2).any(is_weak)
 }
 
-/// Returns why the best reading of a motion is no answer.
+/// Returns why the best reading of a motion is not accepted; `None` if it is.
 fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'static str> {
     let [one, other] = fit.hz.map(|f| f * length_s);
     if fit.left.iter().any(|left| *left > MOST_LEFT) || score < LEAST_SCORE {
@@ -326,7 +327,7 @@ fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'st
     fit.hz.iter().any(|f| f.abs() * 60.0 < LEAST_RPM).then_some("a motor is slower than 10 rpm")
 }
 
-/// Returns the uncertainties of both speeds: those of lines through the phases of windows.
+/// Returns the uncertainties of both speeds, from straight lines through the phases of windows.
 fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
     let windows = if length_s < 30.0 { 5 } else { 6 };
     let Some(ahead_s) = fitter.ahead(fit, windows) else { return [f64::INFINITY; 2] };
@@ -339,7 +340,7 @@ fn uncertainty_rpm(fitter: &Fitter, fit: &Fit, length_s: f64) -> [f64; 2] {
     })
 }
 
-/// Returns by how much what is left of a motion may pull the phase of a motor's line, turns, 95 %.
+/// Returns how far the residual motion may pull the phase of a motor's line, turns, 95 %.
 fn pull_turns(fit: &Fit, motor: usize, swing_dps: [f64; 2]) -> f64 {
     let Some(line) = fit.motor(motor).or(fit.motor(1 - motor)).filter(|_| fit.hz[motor] != 0.0) else { return 0.0 };
     let in_plane = (line.turns.norm_sqr() + line.opposite.norm_sqr()) / (swing_dps[0] * swing_dps[0]);

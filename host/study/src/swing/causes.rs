@@ -1,16 +1,16 @@
-//! What a label of speeds may be wrong by.
+//! The usual mistakes of a label of speeds.
 
 use sim::functions::ln;
 use std::fmt;
 
-/// A cause: what was true where the label says something else.
+/// The cause of a wrong label: what was true instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cause {
     /// One or both motors turned this many times as fast.
     Factor {
         /// Which motors.
         motors: [bool; 2],
-        /// True speed by the label's.
+        /// True speed divided by the label's.
         factor: f64,
     },
     /// These motors turned the other way.
@@ -21,16 +21,16 @@ pub enum Cause {
     Reversed,
     /// This motor stood.
     Stands(usize),
-    /// They turned at these speeds, rpm.
+    /// The motors turned at these speeds, rpm.
     Other([f64; 2]),
     /// None of these: the strongest line is at this speed, rpm.
     Unknown {
-        /// Without its sense.
+        /// Speed of the line, without its sense.
         line_rpm: f64,
     },
     /// The motors stopped before the end of the run.
     StopEarly {
-        /// When, in the times of the angles.
+        /// Time on the clock of the angles.
         at_s: f64,
     },
 }
@@ -41,14 +41,14 @@ pub const SLOWEST_RPM: f64 = 10.0;
 /// Faster motors are not expected.
 pub const FASTEST_RPM: f64 = 130.0;
 
-/// Factors of both motors: of counts, gears and time bases; and of turns a second, degrees and radians read as rpm.
+/// Factors of both motors: wrong counts, gears or time bases; and turns a second, degrees or radians read as rpm.
 const OF_BOTH: [f64; 14] =
     [0.25, 0.5, 1.0 / 1.5, 1.5, 2.0, 4.0, 1.0 / 1.05, 1.05, 1.0 / 6.0, 6.0, 9.55, 1.0 / 9.55, 60.0, 1.0 / 60.0];
 
-/// Factors of one motor: of its counts or its gear.
+/// Factors of one motor: wrong counts or gear.
 const OF_ONE: [f64; 8] = [0.25, 0.5, 1.0 / 1.5, 1.5, 2.0, 4.0, 1.0 / 1.05, 1.05];
 
-/// Returns the causes that can be judged of a label, and the speeds of each.
+/// Returns the causes that can be tested for a label, and the speeds of each.
 pub fn causes(rpm: [f64; 2]) -> Vec<(Cause, [f64; 2])> {
     let both = OF_BOTH.map(|factor| ([true; 2], factor));
     let one = OF_ONE.into_iter().flat_map(|factor| [([true, false], factor), ([false, true], factor)]);
@@ -60,7 +60,7 @@ pub fn causes(rpm: [f64; 2]) -> Vec<(Cause, [f64; 2])> {
 }
 
 impl Cause {
-    /// Returns the speeds where a label has these; `None` if nobody could tell, or if it changes nothing.
+    /// Returns the true speeds for the speeds of a label; `None` if a motion could not show the cause, or if it changes nothing.
     fn applied(self, rpm: [f64; 2]) -> Option<[f64; 2]> {
         let is_fast = |speed: f64| speed.abs() >= SLOWEST_RPM;
         let of_motors = |motors: [bool; 2], factor: f64| {
@@ -74,7 +74,7 @@ impl Cause {
         };
         match self {
             Self::Factor { motors, factor } => {
-                // Below 15 rpm a twentieth is less than what a short run tells.
+                // Below 15 rpm a short run does not resolve 5 %.
                 let is_small = (factor - 1.0).abs() < 0.1;
                 let is_told = !is_small || (0..2).any(|k| motors[k] && rpm[k].abs() >= 15.0);
                 of_motors(motors, factor).filter(|_| is_told)
@@ -94,7 +94,7 @@ impl Cause {
 }
 
 impl Cause {
-    /// Returns whether it is about one motor alone.
+    /// Returns whether the cause is about one motor alone.
     pub fn is_of_one(self) -> bool {
         match self {
             Self::Factor { motors, .. } | Self::Sign(motors) => motors != [true; 2],
@@ -103,8 +103,8 @@ impl Cause {
         }
     }
 
-    /// Returns whether a line at a sum or a difference of two right speeds can look like it: a large factor of one motor, or a
-    /// small one of both.
+    /// Returns whether a line at a sum or a difference of two right speeds can imitate the cause: a large factor of one motor, or
+    /// a small one of both.
     pub fn is_mixed(self) -> bool {
         match self {
             Self::Factor { factor, .. } => self.is_of_one() == (ln(factor.abs()).abs() > 1.0),

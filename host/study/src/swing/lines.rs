@@ -6,17 +6,17 @@ use sim::functions::{atan2, cos, sin_cos};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Multiples of the two frequencies; one of each pair of opposite ones.
+/// Integer combinations of the two frequencies, one of each pair of opposite ones.
 const MIXED: [[i32; 2]; 12] =
     [[1, 0], [0, 1], [2, 0], [0, 2], [1, 1], [1, -1], [3, 0], [0, 3], [2, 1], [2, -1], [1, 2], [1, -2]];
 
-/// The fastest motor that is looked for in a trial, Hz.
+/// Highest frequency searched for a motor in a trial, Hz.
 pub const FASTEST_HZ: f64 = 1.75;
 
-/// A shaking has at most this share of its power beside one phase; a swing turns, and has a half.
+/// Largest share of a shaking's power outside its main phase. A swing turns, and has half of its power there.
 const SHAKING_BESIDE: f64 = 0.001;
 
-/// The least swing of the weaker motor by that of the stronger one.
+/// Least ratio of the weaker motor's swing to the stronger one's.
 const WEAKEST: f64 = 0.07;
 
 /// Speeds that wander are followed in windows of this length, s.
@@ -30,39 +30,39 @@ pub fn size(number: Complex) -> f64 {
     number.norm_sqr().sqrt()
 }
 
-/// Returns the angle of a number against another one, degrees.
+/// Returns the angle of a number relative to another one, degrees.
 pub fn angle_deg(one: Complex, other: Complex) -> f64 {
     let quotient = one * other.conj();
     atan2(quotient.im, quotient.re).to_degrees()
 }
 
-/// Returns a number with so much less power.
+/// Returns a number with its power reduced by `power`.
 fn less(number: Complex, power: f64) -> Complex {
     number * (1.0 - power / (number.norm_sqr() + 1e-30)).max(0.0).sqrt()
 }
 
-/// A line that turns with a frequency: of the rates in the plane, wx + i wy, at this frequency and at the opposite one; and of
-/// the rate about z.
+/// A spectral line: components of the rates in the plane, wx + i wy, at its frequency and at the opposite one; and of the rate
+/// about z.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Line {
-    /// Which multiples of the two frequencies it has.
+    /// Its multiples of the two frequencies.
     pub of: [i32; 2],
-    /// Of wx + i wy at its frequency.
+    /// Component of wx + i wy at its frequency.
     pub turns: Complex,
-    /// Of wx + i wy at the opposite frequency.
+    /// Component of wx + i wy at the opposite frequency.
     pub opposite: Complex,
-    /// Of the rate about z.
+    /// Component of the rate about z.
     pub about_z: Complex,
 }
 
-/// A fit.
+/// A fit of lines to a motion.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The two frequencies, Hz, with their signs. Zero: no line.
     pub hz: [f64; 2],
-    /// Lines at frequencies of their own. A line of both motors is listed once, as that of motor 1.
+    /// Lines at distinct frequencies. A line shared by both motors is listed once, as motor 1's.
     pub lines: Vec<Line>,
-    /// Share of the square of the motion that is left: in the plane, about z.
+    /// Unexplained share of the squares of the motion: in the plane, and about z.
     pub left: [f64; 2],
 }
 
@@ -79,11 +79,11 @@ impl Fit {
         one.min(other) < WEAKEST * one.max(other)
     }
 
-    /// Returns the same lines as those of other senses, a factor of each frequency, or of the other motor each.
+    /// Returns the same lines read with other senses, as factors of the frequencies, or with the motors swapped.
     pub fn read(&self, senses: [f64; 2], swapped: bool) -> Self {
         let mut fit = self.clone();
         for line in &mut fit.lines {
-            // Only the own lines of a motor have a sense.
+            // Only lines of a single motor have a sense.
             let of = usize::from(line.of[0] == 0);
             if senses[of] < 0.0 && line.of[1 - of] == 0 {
                 (line.turns, line.opposite, line.about_z) = (line.opposite, line.turns, line.about_z.conj());
@@ -98,14 +98,14 @@ impl Fit {
 /// Fits lines to one motion.
 pub struct Fitter<'a> {
     motion: &'a Motion,
-    /// Times by which each motor turns steadily.
+    /// Times on which each motor turns steadily.
     t: [Vec<f64>; 2],
     rates: DMatrix<f64>,
     slow: DMatrix<f64>,
     window: Vec<f64>,
     /// Sums of squares without the slow change.
     square: [f64; 3],
-    /// Squares that noise explains.
+    /// Sum of squares that noise explains.
     noise: f64,
 }
 
@@ -169,7 +169,7 @@ impl<'a> Fitter<'a> {
         ]
     }
 
-    /// Returns the power that turns forwards at some frequencies, and the power that turns backwards.
+    /// Returns the power that turns forwards in a range of frequencies, and the power that turns backwards.
     pub fn sides(&self, hz: Range<f64>) -> [f64; 2] {
         let step = 0.5 / self.length_s();
         let count = ((hz.end - hz.start) / step).ceil() as usize + 2;
@@ -177,7 +177,7 @@ impl<'a> Fitter<'a> {
         powers.fold([0.0; 2], |sum, [forwards, backwards, _]| [sum[0] + forwards, sum[1] + backwards])
     }
 
-    /// Returns the frequency, of the sign of this one, with most power within a reach.
+    /// Returns the signed frequency with the most power within a reach of this one.
     pub fn strongest_near(&self, hz: f64, reach_hz: f64) -> f64 {
         let step = 0.25 / self.motion.length_s;
         let steps = (reach_hz / step).floor() as i32;
@@ -189,7 +189,8 @@ impl<'a> Fitter<'a> {
         all.map(|f| (power(f), f)).max_by(|a, b| a.0.total_cmp(&b.0)).map_or(hz, |(_, f)| f)
     }
 
-    /// Returns the frequencies of the strongest lines of motors up to a speed, each found beside those that are stronger.
+    /// Returns the frequencies of the strongest lines up to a motor's frequency, each found in the residuals of the stronger
+    /// ones.
     pub fn strongest(&self, count: usize, fastest_hz: f64) -> Vec<f64> {
         let length_s = self.motion.length_s;
         let step = 0.35 / length_s;
@@ -199,7 +200,7 @@ impl<'a> Fitter<'a> {
             let power = |f: f64| self.power(f, &solved.residuals).iter().sum::<f64>();
             let far = grid.iter().filter(|f| found.iter().all(|other| (*f - other).abs() * length_s > 0.5));
             let Some((_, f)) = far.map(|f| (power(*f), *f)).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            // Between the points of the grid, by a parabola.
+            // A parabola interpolates between the points of the grid.
             let [a, b, c] = [f - step, f, f + step].map(power);
             let bend = a - 2.0 * b + c;
             found.push(if bend < 0.0 { f + step * (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { f });
@@ -207,8 +208,8 @@ impl<'a> Fitter<'a> {
         found
     }
 
-    /// Takes lines of this list as slow change, where all axes move to and fro together: a shaking, as a gear makes once a turn
-    /// of its motor, is no swing.
+    /// Treats the lines in which all axes move to and fro together as slow change: a shaking, as a gear makes once a turn of its
+    /// motor, is not a swing.
     pub fn without_shaking(mut self, found: &[f64]) -> Self {
         let Some(solved) = self.solve(&steady(found)) else { return self };
         for i in 0..found.len() {
@@ -216,7 +217,7 @@ impl<'a> Fitter<'a> {
             let all = [0, 1, 2].map(of_axis);
             let sum = |of: &dyn Fn(&(f64, f64)) -> f64| all.iter().map(of).sum::<f64>();
             let (cc, ss, cs) = (sum(&|v| v.0 * v.0), sum(&|v| v.1 * v.1), sum(&|v| v.0 * v.1));
-            // What is left of the power beside the best phase.
+            // Share of the power outside the best phase.
             let beside = (1.0 - ((cc - ss) * (cc - ss) + 4.0 * cs * cs).sqrt() / (cc + ss)) / 2.0;
             let [x, y, z] = all.map(|v| v.0 * v.0 + v.1 * v.1);
             if beside < SHAKING_BESIDE && z > 0.05 * (x + y) {
@@ -235,7 +236,7 @@ impl<'a> Fitter<'a> {
         self
     }
 
-    /// Fits lines of two frequencies, which move by at most `reach_hz` from where they start. Zero: this motor stands.
+    /// Fits lines of two frequencies, each within `reach_hz` of its start. A frequency of zero is a motor that stands.
     pub fn refined(&self, hz: [f64; 2], reach_hz: [f64; 2], steps: usize) -> Option<Fit> {
         let mut at = hz;
         let mut best: Option<(f64, Fit)> = None;
@@ -262,7 +263,7 @@ impl<'a> Fitter<'a> {
         best.map(|(_, fit)| fit)
     }
 
-    /// Returns the lines that are at frequencies of their own, simple ones first, with the shares of both motors in these.
+    /// Returns the lines at distinct frequencies, simple ones first, with both motors' shares of each frequency.
     fn told_apart(&self, hz: [f64; 2]) -> (Vec<[i32; 2]>, Vec<[f64; 2]>) {
         let (mut lines, mut shares): (Vec<[i32; 2]>, Vec<[f64; 2]>) = Default::default();
         for of in MIXED {
@@ -305,7 +306,7 @@ impl<'a> Fitter<'a> {
     }
 
     fn fit(&self, hz: [f64; 2], lines: &[[i32; 2]], solved: &Solved) -> Fit {
-        // Noise of angles grows with the frequency, and would look like strong sums of both speeds.
+        // The noise of differentiated angles grows with the frequency, and would look like strong lines at sums of both speeds.
         let noise = |f: f64| 8.0 * self.motion.angle_variance * TAU * TAU * f * f / self.motion.t.len() as f64;
         let line = |(i, of): (usize, &[i32; 2])| {
             let f = f64::from(of[0]) * hz[0] + f64::from(of[1]) * hz[1];
@@ -322,7 +323,7 @@ impl<'a> Fitter<'a> {
         };
         let [x, y, z] = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());
         let share = |left: f64, all: f64, axes: f64| {
-            // Less than the noise that is expected: a fit may explain some of it by chance.
+            // Less than the expected noise is subtracted: a fit may explain some of it by chance.
             let noise = axes * self.noise * (1.0 - 3.0 * (2.0 / self.motion.t.len() as f64).sqrt()).max(0.0);
             (left - noise).max(0.0) / (all - noise).max(1e-12)
         };
@@ -330,8 +331,8 @@ impl<'a> Fitter<'a> {
         Fit { hz, lines: lines.iter().enumerate().map(line).collect(), left }
     }
 
-    /// Returns a step of both frequencies, by Gauss and Newton, from the two motors' own lines only: mixed lines would follow a
-    /// shaking of the board.
+    /// Returns a Gauss-Newton step of both frequencies, from the motors' own lines only: mixed lines would follow a shaking of
+    /// the board.
     fn step(&self, hz: [f64; 2], lines: &[[i32; 2]], solved: &Solved) -> [f64; 2] {
         let mut normal = [[0.0; 2]; 2];
         let mut right = [0.0; 2];
@@ -368,7 +369,7 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// Returns by how much the line of each motor is ahead of a fit in windows of equal lengths, s.
+    /// Returns the lead of each motor's line over a fit in windows of equal length, s.
     pub fn ahead(&self, fit: &Fit, windows: usize) -> Option<Vec<[f64; 2]>> {
         let (lines, shares) = self.told_apart(fit.hz);
         let solved = self.solve(&shares)?;
@@ -380,7 +381,8 @@ impl<'a> Fitter<'a> {
             let mut turns = [0.0; 2];
             for motor in 0..2 {
                 let i = 2 * places[motor];
-                // Of the line as fitted and of a line a quarter of a turn ahead: squares, and products with what is left.
+                // Sums for the fitted line and for a line a quarter of a turn ahead: of squares, and of products with the
+                // residuals.
                 let (mut squares, mut products) = ([1e-30; 2], [0.0; 2]);
                 for axis in 0..3 {
                     let (a, b) = (solved.values[(i, axis)], solved.values[(i + 1, axis)]);
@@ -407,7 +409,7 @@ impl<'a> Fitter<'a> {
         1.0 / (if axis < 2 { self.square[0] + self.square[1] } else { self.square[2] } + 1e-12)
     }
 
-    /// Takes the times that motors with the speeds of a fit would need for the turns that they made, where their speeds wander.
+    /// Replaces the times by those at which motors with the constant speeds of a fit would have made the same turns.
     pub fn following(mut self, fit: &Fit) -> Self {
         let windows = (self.motion.length_s / FOLLOWED_S) as usize;
         let Some(ahead_s) = self.ahead(fit, windows) else { return self };
@@ -423,7 +425,8 @@ impl<'a> Fitter<'a> {
         self
     }
 
-    /// Returns a fitter of a longer motion with the same end, whose motors have turned as slowly before as where this one begins.
+    /// Returns a fitter of a longer motion with the same end. Its earlier part takes the motors' rates from the start of this
+    /// motion.
     pub fn longer<'b>(&self, motion: &'b Motion, found: &[f64]) -> Fitter<'b> {
         let mut longer = Fitter::new(motion).without_shaking(found);
         let before = motion.t.len() - self.motion.t.len();
@@ -436,7 +439,7 @@ impl<'a> Fitter<'a> {
         longer
     }
 
-    /// Returns the mean rates of the times that [`Self::following`] has taken.
+    /// Returns the mean rates of the times from [`Self::following`], relative to the clock.
     pub fn rates(&self) -> [f64; 2] {
         let length = |t: &[f64]| t[t.len() - 1] - t[0];
         self.t.each_ref().map(|t| length(t) / length(&self.motion.t))

@@ -1,8 +1,8 @@
-//! Each flagellum swings the base once a turn: the motion of a robot says how fast which motor turned, and in which sense.
+//! Each flagellum swings the base once a turn, so the motion of a robot shows the speed and the sense of each motor.
 //!
-//! Of wx + i wy, the rates in the plane, a motor has a line at its own frequency, on the side of its sense. The line about z,
-//! against the one in the plane, tells one motor from the other. [`SwingSpeeds`] are what the motion says alone. [`label`] asks
-//! whether the speeds of a label explain it better than those of any usual mistake would.
+//! The rates in the plane, wx + i wy, have a spectral line at the frequency of each motor, positive or negative by its sense. The
+//! phase of the line about z, relative to the one in the plane, distinguishes the motors. [`SwingSpeeds`] are estimated from the
+//! motion alone. [`label`] tests whether the speeds of a label explain it better than the speeds of any usual mistake.
 
 mod blind;
 mod causes;
@@ -25,80 +25,81 @@ use score::{beside_the_other, least_dps, off_deg, score};
 use sim::functions::{exp, hypot, ln};
 use std::ops::Range;
 
-/// A cause is named where its score is better than the label's by this.
+/// A cause is named if its score exceeds the label's by more than this.
 const MARGIN: f64 = 10.0;
 
-/// The same of a cause about one motor where both are equally fast; and, where the flagella touch, of one about one motor, of one
-/// that a sum or a difference of both speeds can look like, or of one that leaves much of the motion.
+/// The margin of a cause about one motor if both are equally fast; and, if the flagella touch, of a cause about one motor, one
+/// that a sum or difference of both speeds can imitate, or one that leaves much of the motion unexplained.
 const MARGIN_WHERE_HARD: f64 = 25.0;
 
-/// Share of the least swing below which pitch and roll, or the yaw, have none beside the other: radians have a sixth of it.
+/// Share of the least swing below which pitch and roll, or the yaw alone, do not swing. Radians read as degrees have a sixth of
+/// it.
 const ONE_SWING: f64 = 0.5;
 
-/// Usual swing of a motor by that of the other one, below which nothing is said of it alone.
+/// Ratio of a motor's usual swing to the other motor's, below which no cause about this motor alone is named.
 const HIDDEN: f64 = 0.075;
 
-/// Share by which its mean may be off because it wanders, 95 %.
+/// Relative 95 % uncertainty of the mean speed of a motor without encoder, because the speed wanders.
 const WANDER: f64 = 0.005;
 
-/// A label that may be off by a larger share is none of a board's encoders.
+/// Largest relative error of a label from a board's encoders.
 const WELL_KNOWN: f64 = 0.02;
 
-/// Lines among which a shaking is looked for.
+/// Number of strongest lines that are searched for a shaking.
 const SHAKING: usize = 5;
 
-/// Causes that are fitted exactly.
+/// Number of causes that are fitted exactly.
 const REFINED: usize = 6;
 
-/// The largest share of a motion that its speeds may leave.
+/// Largest share of a motion that its speeds may leave unexplained.
 const MOST_LEFT: f64 = 0.35;
 
-/// A label that leaves more is wrong, whatever the cause.
+/// A label that leaves a larger share unexplained is wrong, whatever the cause.
 const LOST: f64 = 0.75;
 
-/// The largest share that two speeds leave which are nearly one.
+/// Largest share that a clear fit leaves unexplained. Nearly equal speeds need a clear fit.
 const NEAR_LEFT: f64 = 0.15;
 
-/// Turns of a frame by two motors that are nearer than this agree, degrees.
+/// Largest difference of two motors' estimates of the turn of a frame that agree, degrees.
 const AGREED_DEG: f64 = 30.0;
 
-/// Beats of both motors over which a swing has a mean.
+/// Number of beats of both motors that a mean swing needs.
 const BEATS: f64 = 2.0;
 
-/// A side whose power, over that of the other side, is less than the model's by this factor has lost a motor.
+/// A side (forwards or backwards) lacks a motor if its power relative to the other side is less than the model's by this factor.
 const SIDED: f64 = 8.0;
 
-/// The least share of a side to which a motor turns.
+/// Least share of the power on a side to which a motor turns.
 const LEAST_SIDE: f64 = 0.25;
 
 /// A swing that is larger or smaller than another by this factor has another scale.
 const SCALED: f64 = 1.5;
 
-/// Causes whose scores are nearer than this are named together.
+/// Causes whose scores differ by less than this are named together.
 const ALIKE: f64 = 8.0;
 
-/// The score of a label beyond what motors do: another reading must look like two motors by itself.
+/// Score of a label that is faster than any motor: another cause must then score above the margin by itself.
 const TOO_FAST: f64 = 0.0;
 
-/// Beyond this noise of the angles, averaged over a tenth of a second, a motor alone is not judged.
+/// Noise of the angles, averaged over a tenth of a second, above which causes about one motor are not judged, degrees.
 const NOISY_DEG: f64 = 0.3;
 
-/// A trial whose label is asked about.
+/// A trial whose label, its stated speeds, is tested.
 #[derive(Clone, Debug)]
 pub struct Labelled<'a> {
     /// Yaw, pitch and roll.
     pub angles_deg: &'a Columns<3>,
-    /// From where the motion has settled to the end of the run, in the times of the angles.
+    /// From the settling of the motion to the end of the run, on the clock of the angles, s.
     pub settled_s: Range<f64>,
     /// Speeds of motors 1 and 2 as labelled, rpm.
     pub rpm: [f64; 2],
-    /// How far a right label may be off: its share, and rpm beside it.
+    /// Largest error of a right label: a share of the speed, plus rpm.
     pub off: (f64, f64),
     /// Whether flagella that turn at these speeds touch.
     pub touches: bool,
-    /// The speeds that the motion tells by itself, rpm.
+    /// Speeds estimated from the motion alone, rpm.
     pub told_rpm: Option<[f64; 2]>,
-    /// Whether pitch and roll were not measured.
+    /// Whether only the yaw was measured.
     pub has_yaw_alone: bool,
 }
 
@@ -107,18 +108,18 @@ impl Labelled<'_> {
         self.rpm[0].abs().max(self.rpm[1].abs())
     }
 
-    /// Returns whether its speeds may be each other's, or opposite to each other's.
+    /// Returns whether both motors may be equally fast, within the error of the label.
     fn may_be_alike(&self) -> bool {
         let apart_rpm = (self.rpm[0].abs() - self.rpm[1].abs()).abs();
         apart_rpm < 3.0 * (self.off.0 * self.fastest_rpm() + self.off.1)
     }
 
-    /// Returns whether no motor can be told by its speed.
+    /// Returns whether the speeds do not distinguish the motors.
     pub fn is_vague(&self) -> bool {
         self.may_be_alike() && self.off.0 > WELL_KNOWN
     }
 
-    /// Returns whether a cause is no more than a right label may be off.
+    /// Returns whether a cause is within the error of a right label.
     fn allows(&self, cause: Cause) -> bool {
         match cause {
             Cause::Factor { motors, factor } => {
@@ -130,17 +131,17 @@ impl Labelled<'_> {
         }
     }
 
-    /// Returns whether a motor's speed is no further from the label's than a right label may be off.
+    /// Returns whether a motor's speed is within the error of a right label.
     fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
         (rpm[k] - self.rpm[k]).abs() <= self.off.0 * self.rpm[k].abs() + self.off.1
     }
 
-    /// Returns whether speeds may be those of the label.
+    /// Returns whether speeds agree with the label, within its error.
     fn is_of(&self, rpm: [f64; 2]) -> bool {
         (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
     }
 
-    /// Returns whether speeds differ from the label's in those of one motor alone, whose swing is lost beside that of the other.
+    /// Returns whether speeds differ from the label's in one motor alone, whose swing the other motor hides.
     fn hides(&self, rpm: [f64; 2]) -> bool {
         let is_same = |k: usize| self.is_near(rpm, k);
         (0..2).any(|k| {
@@ -149,7 +150,7 @@ impl Labelled<'_> {
     }
 }
 
-/// A swing that is missing.
+/// The angles that lack a swing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Swing {
     /// In all angles, up to the end of the run.
@@ -160,17 +161,16 @@ pub enum Swing {
     Yaw,
 }
 
-/// What a motion says of a label.
+/// The verdict on a label by its motion.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Label {
-    /// Nothing explains the motion clearly better.
+    /// No cause explains the motion clearly better.
     Right,
-    /// One of these causes does.
-    /// The best one comes first; nobody could tell the others from it.
+    /// One of these causes explains it better. The best one comes first; the others cannot be distinguished from it.
     Wrong(Vec<Cause>),
-    /// It swings far less than a robot does whose motors turn.
+    /// The robot swings far less than one whose motors turn.
     HardlySwings(Swing),
-    /// The motion does not tell.
+    /// The motion cannot be judged, for this reason.
     NotJudged(&'static str),
 }
 
@@ -178,9 +178,9 @@ pub enum Label {
 struct Doubts {
     /// Length of the motion, s.
     length_s: f64,
-    /// The lines of two motors of one sense fall together.
+    /// The lines of both motors fall together.
     are_near: bool,
-    /// So do those of two motors of any senses.
+    /// They would fall together if both motors had the same sense.
     are_alike: bool,
     is_noisy: bool,
 }
@@ -202,7 +202,7 @@ fn is_near(rpm: [f64; 2], length_s: f64) -> bool {
     (rpm[0] - rpm[1]).abs() / 60.0 * length_s < 1.0
 }
 
-/// Returns what a motion says of its label.
+/// Judges a label by its motion.
 pub fn label(trial: &Labelled) -> Label {
     let Some(motion) = Motion::of(trial.angles_deg, trial.settled_s.clone()) else {
         return Label::NotJudged("the run is too short, or has too few readings");
@@ -239,7 +239,7 @@ pub fn label(trial: &Labelled) -> Label {
     }
 }
 
-/// Returns what a motion says that lacks a swing, if it does: in all angles at the end of the run, or in some of them.
+/// Returns the verdict if a motion lacks a swing, in all angles at the end of the run or in some of them.
 fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<Label> {
     let least = least_dps(trial.fastest_rpm().min(FASTEST_RPM));
     let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
@@ -261,14 +261,14 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     }
 }
 
-/// A cause that explains a motion better than its label: by how much, and the speeds.
+/// A cause that explains a motion better than its label: the lead of its score, the cause, and its speeds.
 type Better = (f64, Cause, [f64; 2]);
 
-/// Returns which causes are said, of some in the order of how much better they are.
+/// Returns the causes to name, from causes sorted by their leads.
 fn said(better: &[Better]) -> Vec<Cause> {
     let best: Vec<&Better> = better.iter().filter(|other| other.0 > better[0].0 - ALIKE).collect();
     let is_other = |cause: Cause| matches!(cause, Cause::Other(_));
-    // A usual mistake says more than its speeds.
+    // A usual mistake is more informative than its speeds.
     let is_usual = |rpm: [f64; 2]| {
         let is_same = |usual: [f64; 2]| (0..2).all(|k| (usual[k] - rpm[k]).abs() < 0.03 * rpm[k].abs() + 0.5);
         best.iter().any(|(_, cause, usual)| !is_other(*cause) && is_same(*usual))
@@ -277,12 +277,12 @@ fn said(better: &[Better]) -> Vec<Cause> {
 }
 
 impl SwingSpeeds {
-    /// Returns the speeds of a trial whose label only nears them, if the motion tells them.
+    /// Returns the speeds of a trial near those of its label, if the motion shows them.
     pub(crate) fn near(trial: &Labelled) -> Option<Self> {
         blind::speeds(trial.angles_deg, trial.settled_s.clone(), Some(trial)).ok().map(Self::told)
     }
 
-    /// Returns the speeds as those of motors without encoders, which wander.
+    /// Returns the speeds with the uncertainty of motors without encoders, whose speeds wander.
     pub(crate) fn that_wander(mut self) -> Self {
         let widened = |rpm: Option<f64>, u: Option<f64>| Some(hypot(u?, WANDER * rpm?));
         self.measured_w1_uncertainty_rpm = widened(self.measured_w1_rpm, self.measured_w1_uncertainty_rpm);
@@ -291,8 +291,8 @@ impl SwingSpeeds {
     }
 }
 
-/// Returns by which angle the body's x and y are turned about its z between two motions of one robot, degrees; `None` where the
-/// motors disagree, or their lines overlap.
+/// Returns the angle by which the body's x and y axes are turned about its z axis between two motions of one robot, degrees;
+/// `None` if the motors disagree, or their lines overlap.
 pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     let off = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
@@ -311,8 +311,8 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     }
 }
 
-/// Returns the causes why the swing of a label's nearly equal speeds turns to other sides than that of its robot's model; `None` if
-/// it does not, or if the motion does not tell. Motors whose speeds may be each other's have only their senses to be told by.
+/// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it
+/// lacks none, or if the motion does not show it. Only their senses distinguish motors of nearly equal speeds.
 pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     let motion = Motion::of(own.angles_deg, own.settled_s.clone())?;
     let doubts = Doubts::of(own, &motion);
@@ -340,8 +340,8 @@ pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     }
 }
 
-/// Returns which angle swings how many times as much beside the others as that of another motion of one robot: yaw, pitch or roll
-/// (0 to 2); `None` if none does, or if noise or a beat of both motors hides it.
+/// Returns the angle (0 to 2: yaw, pitch, roll) whose swing, relative to the other angles, has another size in a second motion of
+/// one robot, and the ratio; `None` if none has, or if noise or a beat of both motors hides it.
 pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
     let swing = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
@@ -360,7 +360,7 @@ pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
 /// Returns a cause with the factor as measured.
 fn with_factor(cause: Cause, rpm: [f64; 2], fit: &Fit) -> Cause {
     let Cause::Factor { motors, .. } = cause else { return cause };
-    // The faster motor tells it more exactly.
+    // The faster motor gives the more exact factor.
     let told = (0..2).filter(|&k| motors[k] && rpm[k] != 0.0);
     let fastest = told.max_by(|&a, &b| rpm[a].abs().total_cmp(&rpm[b].abs()));
     fastest.map_or(cause, |k| Cause::Factor { motors, factor: fit.hz[k] * 60.0 / rpm[k] })
@@ -377,7 +377,7 @@ impl Readings<'_> {
         let trial = self.trial;
         let is_vague = trial.is_vague();
         let is_blurred = doubts.is_noisy || is_vague || trial.may_be_alike() && doubts.length_s < 30.0;
-        // All roughly, the best exactly.
+        // All causes are fitted roughly, the best ones exactly.
         let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
         let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
             let is_alike = match cause {

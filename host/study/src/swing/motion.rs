@@ -1,21 +1,21 @@
-//! The motion that is judged: rates about the body's axes at a steady interval, without their slow change.
+//! The motion that is judged: rates about the body's axes at a regular interval.
 
 use crate::attitude::Columns;
 use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
-/// Interval of the readings after averaging, s: harmonics of the fastest motor stay below half of its inverse.
+/// Interval of the readings after averaging, s: harmonics of the fastest motor stay below the Nyquist frequency.
 pub const INTERVAL_S: f64 = 0.1;
 
-/// The latest part of a run that is looked at, s.
+/// Length of the end of a run that is judged, s.
 const LONGEST_S: f64 = 60.0;
 
-/// The shortest part that says anything, s.
+/// Shortest part that can be judged, s.
 const SHORTEST_S: f64 = 10.0;
 
 /// Rates about x, y and z.
 pub struct Motion {
-    /// Times from the middle of the part.
+    /// Times relative to the middle of the part, s.
     pub t: Vec<f64>,
     /// Rates in °/s; a column is an axis.
     pub rates: [Vec<f64>; 3],
@@ -47,12 +47,12 @@ impl Motion {
 pub const PIECE_S: f64 = 3.0;
 
 impl Motion {
-    /// Returns when the swing ends, since the start of the part: from there on it is a fifth of what it was before.
+    /// Returns the time at which the swing falls below a fifth of its size and stays there, s from the start of the part.
     pub fn stops(&self) -> Option<f64> {
         let size = (PIECE_S / INTERVAL_S) as usize;
         let piece = |from: usize| -> f64 {
             let of_axis = |rate: &Vec<f64>| {
-                // The median does not see what one slip of a marker does.
+                // The median ignores a single slip of a marker.
                 let mut changes: Vec<f64> =
                     rate[from..from + size].windows(4).map(|few| (few[3] - few[0]).abs()).collect();
                 changes.sort_by(f64::total_cmp);
@@ -90,7 +90,7 @@ fn differences(angles: &[f64]) -> Vec<f64> {
     angles.windows(2).map(|pair| (pair[1] - pair[0]) / INTERVAL_S).collect()
 }
 
-/// Returns the variance of noise of the angles whose differences these rates are. Third differences hold hardly any motion.
+/// Returns the variance of the noise of the angles that have these rates. Third differences of rates contain hardly any motion.
 fn noise(rates: &[f64]) -> f64 {
     let third: Vec<f64> = rates.windows(4).map(|r| (r[3] - 3.0 * r[2] + 3.0 * r[1] - r[0]) * INTERVAL_S).collect();
     let mut squares: Vec<f64> = third.iter().map(|x| x * x).collect();
@@ -106,13 +106,13 @@ struct Bins<'a> {
 }
 
 impl Bins<'_> {
-    /// Returns the means of intervals. An interval without a reading takes the line between its neighbours. Returns `None`
-    /// where more than a tenth of them have none.
+    /// Returns the means of intervals. An interval without a reading is interpolated between its neighbours. Returns `None` if
+    /// more than a tenth of the intervals have none.
     fn mean(&self, column: &[f64]) -> Option<Vec<f64>> {
         let (mut sums, mut counts) = (vec![0.0; self.count], vec![0.0; self.count]);
         let first = self.time_s.partition_point(|t| *t < self.start_s);
         for (t, value) in self.time_s.iter().zip(column).skip(first) {
-            // Of a table whose readings are an interval apart, rounding would leave bins without any.
+            // If the readings of a table are an interval apart, rounding would leave empty bins.
             let bin = ((t - self.start_s) / INTERVAL_S + 1e-6) as usize;
             if bin >= self.count {
                 break;

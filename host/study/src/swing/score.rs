@@ -1,25 +1,25 @@
-//! How well a fit looks like two motors that swing a base.
+//! Scores how well a fit matches two motors that swing a base.
 //!
-//! The sizes are those of recordings on the emulated board, of robots of several stiffnesses and lengths.
+//! The constants are from recordings on the emulated board, of robots of several stiffnesses and lengths.
 
 use super::lines::{Complex, Fit, Line, angle_deg, size};
 use crate::attitude::wrapped;
 use sim::functions::{cos, ln, pow};
 
-/// How much a unit of the logarithm of what is left counts.
+/// Weight of the logarithm of the unexplained share.
 const FIT: f64 = 7.0;
 
-/// How much the share of the motors' own lines in all lines counts.
+/// Weight of the logarithm of the share of the motors' own lines in all lines.
 const SHARE: f64 = 12.0;
 
-/// What two lines gain over one where both are as expected.
+/// Added to the score of one line: what two lines gain if both are as expected.
 const ONE_LINE: f64 = 6.0;
 
-/// Angle of the swing about z against that in the plane, of motor 1 of the published robot, degrees. For motor 2 it is half a turn
-/// more.
+/// Phase of the swing about z relative to the swing in the plane, for motor 1 of the published robot, degrees. Motor 2 has half a
+/// turn more.
 const PHASE_DEG: f64 = 18.0;
 
-/// Share of the expected swing below which a motion is none of such a robot.
+/// Least swing of such a robot, as a share of the expected one.
 const LEAST: f64 = 0.1;
 
 /// Returns the least swing of a robot whose faster motor turns at this speed: in the plane, and about z, °/s.
@@ -32,7 +32,7 @@ pub fn in_plane_dps(rpm: f64) -> f64 {
     0.075 * rpm * pow(rpm / 45.0, 0.7)
 }
 
-/// Returns the usual swing of a motor by that of the other one, whose flagellum may hide it as it bends.
+/// Returns the ratio of a motor's usual swing to the other motor's, whose bending flagellum may hide it.
 pub fn beside_the_other(rpm: [f64; 2], motor: usize) -> f64 {
     in_plane_dps(rpm[motor].abs()) / in_plane_dps(rpm[1 - motor].abs())
 }
@@ -41,7 +41,7 @@ fn about_z_dps(rpm: f64) -> f64 {
     0.19 * rpm
 }
 
-/// Returns a score. Differences of scores between readings of one motion are like those of the logarithm of a likelihood.
+/// Returns the score of a fit. Differences of scores between readings of one motion are like log-likelihood ratios.
 pub fn score(fit: &Fit) -> f64 {
     let own = [0, 1].map(|motor| fit.motor(motor));
     let left: f64 = fit.left.iter().map(|left| ln(left + 1e-3)).sum();
@@ -75,7 +75,7 @@ fn two(fit: &Fit, own: [&Line; 2]) -> f64 {
     of_one(0) + of_one(1) - 0.5 * square(between / 45.0)
 }
 
-/// Returns the score of a line that stands alone: it turns, and repeats little within a turn.
+/// Returns the score of a line that stands alone: it should turn, and have weak harmonics.
 fn single(fit: &Fit, line: &Line) -> f64 {
     let harmonics = fit.lines.iter().filter(|other| other.of[0].abs() + other.of[1].abs() == 2);
     let own = size(line.turns) + 1e-9;
@@ -111,12 +111,12 @@ fn in_plane(turns: Complex, hz: f64) -> f64 {
     near(size(turns), in_plane_dps(rpm), 0.9)
 }
 
-/// Returns how far the swing about z is from the angle that it has for a motor, degrees.
+/// Returns the difference of the phase of the swing about z from a motor's expected phase, degrees.
 pub fn off_deg(line: &Line, motor: usize) -> f64 {
     wrapped(angle_deg(line.about_z, line.turns) - PHASE_DEG - 180.0 * motor as f64)
 }
 
-/// Returns how well both swings about z have the phases of their motors: 2 if exactly, 0 if nothing tells.
+/// Returns how well the phases of both swings about z match their motors: 2 for an exact match, 0 if they show nothing.
 pub fn agreement(fit: &Fit) -> f64 {
     let of = |motor: usize| fit.motor(motor).map_or(0.0, |line| cos(off_deg(line, motor).to_radians()));
     of(0) + of(1)

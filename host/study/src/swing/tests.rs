@@ -46,21 +46,21 @@ impl Truth {
     }
 }
 
-/// How a motion is measured.
+/// The instrument of a motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Way {
     Recorded,
-    /// The speeds wander by 1 %, as one does whose battery gets empty.
+    /// The speeds wander by 1 %, as with a battery that runs down.
     Wandering,
     /// A gear of 100.37:1 shakes the board once a turn of its motor, which 200 Hz fold to 44.4 rpm.
     Shaken,
-    /// Angles with this noise, °, whose speeds are known within 2 %.
+    /// Angles with this noise, °, and speeds known within 2 %.
     Imported(f64),
 }
 
 struct Trace {
     angles_deg: Columns<3>,
-    /// Angle that the motors have turned, in s at the nominal speed.
+    /// Angle turned by the motors, in s at the nominal speed.
     turned_s: Vec<f64>,
     is_import: bool,
 }
@@ -100,7 +100,7 @@ impl Trace {
             truth.angles_deg[column][k] * (1.0 - part) + truth.angles_deg[column][k + 1] * part
         };
         let phase = std::f64::consts::TAU * random.uniform();
-        // A recording drifts, and its noise is that of an integral.
+        // A recording drifts, and its noise is that of an integrated rate.
         let drift_dps = [0, 1, 2].map(|axis| if axis == 0 { 0.01 * random.normal() } else { 0.0 });
         let noise_deg = if let Way::Imported(noise_deg) = way { noise_deg } else { 0.002 };
         let shaken = |i: usize| if way == Way::Shaken { (4.65 * time_s[i] + phase).sin() / 4.65 } else { 0.0 };
@@ -119,14 +119,14 @@ impl Trace {
         label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone: false })
     }
 
-    /// Returns the mean speed by the nominal one.
+    /// Returns the ratio of the mean speed to the nominal one.
     fn speed(&self, part_s: &Range<f64>) -> f64 {
         let turned = |time_s: f64| self.turned_s[((time_s * RATE_HZ) as usize).min(self.turned_s.len() - 1)];
         (turned(part_s.end) - turned(part_s.start)) / (part_s.end - part_s.start)
     }
 }
 
-/// Returns whether a cause explains a label that is wrong in this way.
+/// Returns whether one of the causes explains the difference of a label from the truth.
 fn says(causes: &[Cause], truth: [f64; 2], label: [f64; 2]) -> bool {
     causes.iter().any(|cause| {
         let of = |motors: [bool; 2], factor: f64| [0, 1].map(|k| if motors[k] { label[k] * factor } else { label[k] });
@@ -204,7 +204,7 @@ fn motors_that_wander_apart_are_told_alone_and_near_a_label() {
             "{told:?}, {mean_rpm:?}"
         );
     }
-    // Senses that the label has not are none of its own.
+    // Readings with other senses than the label's are not accepted.
     let other = Labelled { rpm: [-46.0, -26.0], ..label };
     assert!(blind::speeds(&angles_deg, SETTLING_S..60.0, Some(&other)).is_err());
 }
@@ -297,18 +297,18 @@ fn count_labels(trace: &Trace, part_s: &Range<f64>, rpm: [f64; 2], counts: &mut 
     }
 }
 
-/// Speeds that were told of trials of a kind.
+/// Estimated speeds of trials of one kind.
 #[derive(Default)]
 struct Told {
     asked: usize,
     /// With a wrong sense or motor, or off by more than 1 rpm.
     wrong: usize,
-    /// Errors of single motors, and how many are within their uncertainty.
+    /// Errors of single motors, and the number within their uncertainty.
     errors_rpm: Vec<f64>,
     covered: usize,
 }
 
-/// The same command prints how many speeds are told blind, and how well.
+/// The same command prints how many speeds are estimated from the motion alone, and how well.
 #[test]
 #[ignore = "takes minutes"]
 fn shares_of_speeds() {
@@ -322,7 +322,7 @@ fn shares_of_speeds() {
                 println!("{regime}: {told}");
                 let is_clear = regime == "opposite" || regime == "both unwrap";
                 assert!(told.wrong * 30 <= told.asked, "{way:?}, {regime}");
-                // Of the others few are told, and their lines are pulled.
+                // In the other regimes few speeds are estimated, and their lines are pulled.
                 let least = if is_clear { 90 } else { 70 };
                 assert!(told.covered * 100 >= count * least, "{way:?}, {regime}");
                 let least = if way == Way::Shaken { 75 } else { 90 };
@@ -383,8 +383,8 @@ impl Told {
     }
 }
 
-/// The same command prints the false alarms, the share of speeds that are told and the cover of their uncertainties of a
-/// population.
+/// The same command prints a population's false alarms, the share of speeds that are estimated, and the coverage of their
+/// uncertainties.
 #[test]
 #[ignore = "takes half an hour"]
 fn a_population_is_told_and_not_doubted() {
