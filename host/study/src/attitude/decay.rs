@@ -31,7 +31,7 @@ const STEP: f64 = 1.1;
 pub(super) struct Decay {
     /// Its time range, s.
     pub range: Range<f64>,
-    /// Standard deviation of its rates about the exponentials, relative to themselves.
+    /// Standard deviation of its rates about the exponentials, relative to the rates.
     shape: f64,
     /// Approximate rate at rest, °/s.
     bias: f64,

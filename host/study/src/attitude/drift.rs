@@ -1,11 +1,10 @@
 //! The drift of the yaw and its covariance, estimated from the still phases before and after a run.
 //!
-//! Yaw cannot be observed from gravity, so the gyroscope's remaining bias after the calibration makes it drift. While
-//! the robot is still, the rate of the yaw is the bias about z, plus noise. Roll and pitch can be observed from
-//! gravity: the board's filter holds them, and the gyroscope's rate minus the attitude's rate is the bias about x and
-//! y. The component about the vertical is not held, so in a leaning robot all three biases contribute to the yaw: yaw'
-//! = -x sin pitch + cos pitch (y sin roll + z cos roll). With a filter that estimates the bias itself ([`Series::new`])
-//! the contributions of x and y are zero.
+//! Yaw cannot be observed from gravity, so the gyroscope's remaining bias after the calibration makes it drift. While the robot
+//! is still, the rate of the yaw is the bias about z, plus noise. Roll and pitch can be observed from gravity: the board's filter
+//! holds them, and the gyroscope's rate minus the attitude's rate is the bias about x and y. The filter does not hold the
+//! component about the vertical, so in a leaning robot all three biases contribute to the yaw: yaw' = -x sin pitch + cos pitch (y
+//! sin roll + z cos roll). With a filter that estimates the bias itself ([`Series::new`]) the contributions of x and y are zero.
 //!
 //! [`super::smoother`] estimates the biases from the rates at rest. It also estimates the remaining motion before the
 //! run, where the robot may still return from the last trial, and after it. The zero of the yaw is where the robot
@@ -413,7 +412,7 @@ mod tests {
         }
     }
 
-    /// The yaw turns back in two modes, as the model's does after a run at 90 and 90 rpm. Of 20 s, the fit has the last nine.
+    /// The yaw turns back in two modes, as the model's does after a run at 90 and 90 rpm. The fit uses the last nine of 20 s.
     #[test]
     fn faster_motion_after_the_run_is_no_bias() {
         for warming_dps in [0.0, 0.03, -0.03] {

@@ -34,7 +34,7 @@ pub struct Reading {
     pub attitude: [f64; 4],
     /// Rates about the body's axes with the calibrated bias removed, °/s.
     pub rates_dps: Option<[f64; 3]>,
-    /// Temperature of the sensor, °C; of a part with an unknown thermometer, only its changes.
+    /// Temperature of the sensor, °C; only its changes are known for a part with an unknown thermometer.
     pub temperature_c: f64,
 }
 

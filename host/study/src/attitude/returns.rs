@@ -35,7 +35,7 @@ const LARGEST_DIFFERENCE: f64 = 1.0;
 const ROBOT_WITHIN: f64 = 0.5;
 const OTHER_ROBOT: f64 = 0.2;
 
-/// Candidate standard deviations of the rate of a return to rest, °/s: at the start of the run, where the recorder has
+/// Candidate standard deviations of the rate of a return to rest, °/s: at the start of the run, before which the recorder has
 /// waited, and after the run.
 const BEFORE_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
 const AFTER_DPS: [f64; 5] = [0.0, 0.01, 0.1, 1.0, 10.0];
@@ -149,7 +149,7 @@ pub(super) fn mixed(still: &Still, motions: &Motions) -> Rotation {
         }
         residual += of_mean.x;
         residual_square += of_square.m11;
-        // The rotation for rates of 1 °/s: rates that the motions explain are no bias, and the robot still turns back.
+        // The rotation for rates of 1 °/s: rates that the motions explain are not bias, and the robot still turns back.
         let mut turned = -(&still.cross * &family.columns);
         let tau = family.time_constant_s;
         turned.column_mut(0).add_scalar_mut(tau * exp(-(still.from_s - motions.run_s) / tau));

@@ -78,7 +78,7 @@ impl<const N: usize> Columns<N> {
         (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
 
-    /// Returns the longest interval between rows that is no gap.
+    /// Returns the longest interval between rows that is not a gap.
     pub(crate) fn longest_step_s(&self) -> Option<f64> {
         Some(GAP_S.max(GAP_INTERVALS * self.interval_s()?))
     }
@@ -110,7 +110,7 @@ impl<const N: usize> Columns<N> {
         broken
     }
 
-    /// Returns about `most` evenly chosen rows at most, including the last row and the start of every gap.
+    /// Returns at most about `most` evenly chosen rows, including the last row and the start of every gap.
     #[must_use]
     pub fn sampled(&self, most: usize) -> Self {
         let rows = self.len();

@@ -15,7 +15,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// The steady state of a point over its starting phases.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 pub struct Steady {
-    /// The least steady kind of all phases.
+    /// The kind of the least steady phase.
     pub kind: Kind,
     /// Number of starting phases.
     pub phases: u32,
@@ -103,7 +103,7 @@ impl Steady {
     fn of(phases: &Phases) -> Self {
         let all = phases.values();
         let values = Values::over_phases(&all);
-        // One pattern of NaN, on every processor.
+        // NaN has the same bits on every processor.
         let of = |value: &f64| if value.is_nan() { f64::NAN } else { *value };
         Self {
             kind: phases.kind(),

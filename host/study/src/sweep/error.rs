@@ -88,7 +88,7 @@ impl SweepError {
         |source| Self::Io { path, source }
     }
 
-    /// The same for a part, which another version may have written.
+    /// Like [`Self::at`], for a part, which another version may have written.
     pub fn of_part(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {
         let path = path.to_owned();
         |source| match source.kind() {

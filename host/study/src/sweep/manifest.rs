@@ -45,7 +45,7 @@ impl Manifest {
             let text = toml::to_string(self)
                 .map_err(|error| SweepError::Manifest { path: file.clone(), reason: error.to_string() })?;
             match atomic_file::create(&file, &text) {
-                // Another worker has just made it.
+                // Another worker has just created it.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 other => other.map_err(SweepError::at(&file))?,
             }

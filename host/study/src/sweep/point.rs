@@ -176,7 +176,7 @@ impl Sweep {
         self.note_on_phases().into_iter().chain(note_on_grid(&self.plan.text)).collect()
     }
 
-    /// Returns a note for the user if points hold for one starting phase where others may give other values.
+    /// Returns a note for the user if points have one starting phase, and other phases may give other values.
     fn note_on_phases(&self) -> Option<String> {
         if self.plan.phases != 1 {
             return None;

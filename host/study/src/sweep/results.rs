@@ -1,7 +1,7 @@
 //! The version of the model's results: a sweep reuses the results of an earlier one if their versions are equal.
 //!
-//! Points of different programs are the same if their inputs and this version are the same. A change of any result
-//! requires a new version, which the test below enforces.
+//! Points computed by different programs are equal if their inputs and this version are equal. A change of any result requires a
+//! new version, which the test below enforces.
 
 /// Version of the model's results.
 pub const RESULTS: u32 = 11;
@@ -17,8 +17,8 @@ mod tests {
     use sim::trial::quantity::{Column, FLAGELLA, Place, columns};
     use std::path::Path;
 
-    /// Points of every kind of result: robots, methods, speeds with and without a common period, phases, contact, mesh, groups and
-    /// keys that vary, and a point that fails.
+    /// Plans whose points have every kind of result: robots, methods, speeds with and without a common period, phases, contact,
+    /// mesh, groups and keys that vary, and a point that fails.
     const PLANS: [&str; 4] = [
         "[session]\nrobot = \"published\"\n[trial]\nrun = 24\nphases = 2\n[speeds]\n\
          pairs = [[50, 10], [0, 45], [37.3, -52.91], [90, 60]]\n",

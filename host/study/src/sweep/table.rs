@@ -106,7 +106,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     for column in &quantities {
         steady(column.name.clone(), column.quantity.unit, column.about(), &|_, s| s.values[column.index()]);
     }
-    // One starting phase has no spread where others may give other values.
+    // A single starting phase has no spread if other phases may give other values.
     let least = |row: &Row| 1 + u32::from(Ratio::of(row.speeds_rpm).is_some());
     for column in quantities.iter().filter(|column| column.is_angle()) {
         let about = "largest less smallest value of the starting phases; 0 where they do not matter, empty if only one was tried".to_owned();

@@ -56,7 +56,7 @@ impl Work<'_> {
 
     /// Hands out the free blocks of a shard; returns whether the work goes on.
     fn blocks(&mut self, shard: Shard, claims: Option<&Claims>) -> Result<bool, SweepError> {
-        // Known points too, so that a block is the same for every worker.
+        // Known points are included, so that a block is the same for every worker.
         let order = self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()));
         for block in 0..BLOCKS {
             let [from, to] = [block, block + 1].map(|block| order.len() * block / BLOCKS);
@@ -77,7 +77,7 @@ impl Work<'_> {
         })
     }
 
-    /// Adds the points finished meanwhile.
+    /// Adds the points that other workers have finished meanwhile.
     fn look_again(&mut self) -> Result<(), SweepError> {
         self.folder.read(|_, record| {
             self.known.add(record.index);

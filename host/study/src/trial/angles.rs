@@ -32,11 +32,11 @@ pub struct Steady {
     pub settled: bool,
     /// Settling time, s from the start of the run; `None` if not settled, or if the model solved for the steady state.
     pub settle_s: Option<f64>,
-    /// The part of the run in which the swing may be looked at, or why there is none.
+    /// The part of the run in which the robot swings steadily, or why there is none.
     pub(super) swing_s: Result<Range<f64>, &'static str>,
-    /// What it says of the speeds: it takes time, and not every command asks for it.
+    /// The speeds measured from this swing; computed on demand, because this takes time.
     pub(super) measured: OnceLock<SwingSpeeds>,
-    /// The motion of an import's robot by its model, for the same reason.
+    /// The modelled motion of an imported robot, also computed on demand.
     pub(super) modelled: OnceLock<Option<Columns<3>>>,
 }
 
@@ -69,7 +69,7 @@ pub struct Angles {
     pub settled: bool,
     /// Angle turned about each body axis over the whole trial.
     pub turned_deg: [f64; 3],
-    /// The speeds by the swing of the robot.
+    /// The speeds measured from the swing of the robot.
     #[serde(flatten)]
     pub measured: SwingSpeeds,
     /// The causes of the uncertainties; empty for a model, or if they are unknown.
@@ -94,7 +94,7 @@ pub(super) fn settled_s(run: &Range<f64>) -> Range<f64> {
 }
 
 impl Steady {
-    /// Returns the speeds by the swing of the robot.
+    /// Returns the speeds measured from the swing of the robot.
     pub fn measured(&self, angles_deg: &Columns<3>) -> &SwingSpeeds {
         self.measured.get_or_init(|| SwingSpeeds::of(angles_deg, self.swing_s.clone()))
     }

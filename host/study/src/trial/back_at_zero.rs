@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Time in which the motors stop and soft flagella spring back, s. This turns the robot by a part of the yaw.
 const SPRINGS_BACK_S: f64 = 4.0;
 
-/// Averaging time of the yaw at the end, s.
+/// Averaging time of an angle at the end, s.
 const LAST_S: f64 = 1.0;
 
 /// Largest time constant of the return, relative to the robot file's.
@@ -59,8 +59,8 @@ pub(super) fn is_short(after: &Range<f64>) -> bool {
     after.end - LAST_S < after.start + SPRINGS_BACK_S
 }
 
-/// Returns the yaw at the end of the phase after the run, and the nearest value possible after a return to rest,
-/// degrees, if the two differ.
+/// Returns an angle at the end of the phase after the run, and the nearest value possible after a return to rest, degrees, if the
+/// two differ.
 fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
     let sprung_s = after.start + SPRINGS_BACK_S;
     if is_short(after) {

@@ -4,7 +4,7 @@ use crate::statistics::{effective_freedom, student_95};
 use serde::Serialize;
 use sim::functions::{hypot, powi};
 
-/// What a slow approach may still change after the run, as the name of a cause.
+/// Name of the cause for the rest of a slow approach, which the run does not include.
 pub(crate) const TO_COME: &str = "slow approach";
 
 /// How an uncertainty was evaluated (GUM, 3.3.5).
@@ -79,7 +79,7 @@ impl Budget {
         self.terms.iter().filter(|term| term.u_deg != 0.0)
     }
 
-    /// Returns the terms as those of one of several angles.
+    /// Returns the terms with the name of their angle.
     pub(crate) fn terms_of(&self, angle: &'static str) -> impl Iterator<Item = AngleTerm> {
         self.terms().map(move |term| AngleTerm { angle, term: term.clone() })
     }
@@ -90,7 +90,7 @@ impl Budget {
         self.terms.iter().map(|term| powi(term.u_deg, 2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
-    /// Returns the causes that belong to this trial alone, or that all trials of its sensor share.
+    /// Returns the causes that are errors of this trial alone, or those shared by all trials of its sensor.
     #[must_use]
     pub fn common_to(&self, common_to: CommonTo) -> Self {
         Self::new(self.terms.iter().filter(|term| term.common_to == common_to).cloned())
@@ -141,7 +141,7 @@ impl Budget {
         terms.sort_by_key(|term| term.common_to == CommonTo::Sensor);
         Self::new(terms.into_iter().map(|term| Term {
             evaluation: term.evaluation,
-            // What two trials of one sensor leave of its errors has no unit of its own.
+            // The difference of a sensor's effects on two trials has no unit.
             sensitivity: term.sensitivity.filter(|_| term.common_to == CommonTo::Trial),
             ..Term::new(term.name, term.common_to, term.parts)
         }))

@@ -1,5 +1,5 @@
-//! The rate error of the board's clock. A fast clock makes every tick shorter than its nominal length. So the board
-//! integrates its rates for too long, its times are too long, and its speeds too low.
+//! The rate error of the board's clock. A fast clock makes every tick shorter than its nominal length. So the board integrates
+//! its rates over too long a time, its times are too long, and its speeds too low.
 
 use super::data::Data;
 use crate::attitude::Columns;

@@ -174,7 +174,8 @@ impl Collector {
         self.data.link.samples = states.len() as u64;
     }
 
-    /// Returns the speed (rpm) and the turns of a motor. One without encoder turns as commanded until its swing is known.
+    /// Returns the speed (rpm) and the turns of a motor. A motor without encoder has its commanded speed until the swing is
+    /// measured.
     fn motion(&self, index: usize, motor: &Motor, time_s: f64) -> (f64, f64) {
         if !motor.speed_rpm.is_nan() {
             return (motor.speed_rpm, motor.turns);
@@ -200,7 +201,7 @@ impl Collector {
             return None;
         }
         let rates_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y, rate.z]);
-        // The changes of an unknown temperature are known.
+        // Of an unknown temperature, the changes are known.
         let temperature_c = match frame.temperature_c {
             unknown if unknown.is_nan() => TemperatureCounts(frame.temperature_counts as i16).celsius(GENUINE_IMU_ID),
             known => known,
@@ -217,8 +218,8 @@ impl Collector {
     }
 }
 
-/// Returns the link statistics. The trial's summary is more complete than the messages, except for samples that the log
-/// has lost since then.
+/// Returns the link statistics. The trial's summary is more complete than the messages, except for samples that the log has lost
+/// since.
 fn link(counted: LinkStats, summed_up: Option<LinkStats>) -> LinkStats {
     let Some(summed_up) = summed_up else { return counted };
     let missing = summed_up.samples.saturating_sub(counted.samples);

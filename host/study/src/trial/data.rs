@@ -176,7 +176,7 @@ pub struct Data {
     pub path: PathBuf,
     /// Its metadata.
     pub records: Records,
-    /// The settings in the metadata: parsed once.
+    /// The settings in the metadata, parsed once.
     pub(crate) settings: OnceLock<Option<Settings>>,
     /// Readings of the sensor, without failed ones; for an imported trial, readings of the other instruments.
     pub readings: Vec<(f64, Reading)>,
@@ -196,7 +196,7 @@ pub struct Data {
     pub events: Vec<Event>,
     /// When the LED of the board was lit: from the first frame with a motor on to the end of the last one.
     pub lit_s: Option<[f64; 2]>,
-    /// Number of events beyond the limit.
+    /// Number of events dropped beyond the limit.
     pub more_events: usize,
     /// Name and start of each phase.
     pub phases: Vec<(String, f64)>,
@@ -252,7 +252,7 @@ impl Data {
         self.origin() == Origin::Model
     }
 
-    /// Returns whether the trial is a steady state that was solved for, without what precedes it.
+    /// Returns whether the trial is a steady state from a solver, without the motion before it.
     pub fn is_steady_state(&self) -> bool {
         self.records.model.as_ref().is_some_and(|model| model.method == Method::Steady)
     }
@@ -318,7 +318,7 @@ impl Data {
         self.is_recorded() && self.settings().is_some_and(|settings| settings.speed_from == SpeedFrom::Duty)
     }
 
-    /// Takes speeds measured by the swing in place of those commanded.
+    /// Replaces the commanded speeds by speeds measured from the swing.
     pub(super) fn take_speeds(&mut self, measured: &SwingSpeeds) {
         let [one, two] = self.planned_speeds().map(CentiRpm::rpm);
         let [_, w1, _, w2, turns1, turns2] = &mut self.motors.values;

@@ -105,8 +105,8 @@ impl Errors {
         Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&of_yaw)).chain([self.clock_term(&of_yaw)])))
     }
 
-    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown. A rate of
-    /// the clock that the trial has measured has no effect on them.
+    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown. The clock has
+    /// no effect on them if the trial has measured its rate.
     pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 3]> {
         let zero = self.tilt_zero.as_ref()?;
         let [_, of_pitch, of_roll] = self.sensitivities.mean(over);
@@ -139,7 +139,7 @@ impl Errors {
         let mut own = [drift, constant(0), constant(1)];
         let blocks: Vec<_> = times.iter().map(|time| time - 0.5 * block_s..time + 0.5 * block_s).collect();
         let sensitivities: Vec<Sensitivity> = blocks.iter().map(|block| self.sensitivities.mean(block)).collect();
-        // The clock of a trial that has measured it is its own.
+        // If the trial has measured the clock's rate, the remaining error is the trial's own.
         let [own_clock_u, clock_u] =
             if self.clock.is_measured { [self.clock.error.u, 0.0] } else { [0.0, self.clock.error.u] };
         let of_trial = |(block, of): (&Range<f64>, &Sensitivity)| {

@@ -1,8 +1,8 @@
-//! The values of single messages that are columns of a trial: a row for each.
+//! The table of message fields that are columns of a trial.
 
 use biflag_log::schema::biflag::{Counts, Motor, Telemetry, Truth, Vector};
 
-/// A value of a message.
+/// A field of a message.
 pub struct Field<M> {
     /// Name, with the unit.
     pub name: &'static str,
@@ -15,7 +15,7 @@ const fn field<M>(name: &'static str, about: &'static str, of: fn(&M) -> f64) ->
     Field { name, about, of }
 }
 
-/// What a board's frame holds besides attitude, speeds and turns.
+/// The fields of a board's frame besides attitude, speeds and turns.
 pub const FRAME: [Field<Telemetry>; 18] = [
     field("rate_x_dps", "angular velocity about the body's x axis, calibrated bias removed", |f| rates(f).x),
     field("rate_y_dps", "angular velocity about the body's y axis", |f| rates(f).y),
@@ -64,7 +64,7 @@ fn force(frame: &Telemetry) -> Vector {
     vector(frame.acceleration_mps2)
 }
 
-/// A vector that a message lacks is missing values.
+/// Returns NaN for a vector that a message lacks.
 fn vector(of: Option<Vector>) -> Vector {
     of.unwrap_or(Vector { x: f64::NAN, y: f64::NAN, z: f64::NAN })
 }

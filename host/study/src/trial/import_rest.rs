@@ -19,8 +19,8 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Motion> {
     (motion.relative() > 1.0).then_some(motion)
 }
 
-/// Returns the smallest rate of change compatible with the readings: their slope minus four standard errors, which the noise of
-/// hardly any rest exceeds.
+/// Returns the smallest rate of change compatible with the readings: their slope minus four standard errors. Noise alone hardly
+/// ever makes it positive.
 fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
     let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));

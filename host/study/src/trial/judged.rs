@@ -1,4 +1,4 @@
-//! The one door to a trial: its data, its angles and its findings, computed together.
+//! The data, angles and findings of a trial, computed together.
 
 use super::angles::Angles;
 use super::data::{Data, Want};
@@ -9,7 +9,7 @@ use biflag_log::LogError;
 use std::ops::Range;
 use std::path::Path;
 
-/// A trial with all that is known about it. Whatever prints a trial takes it from here, with its findings.
+/// A trial with its data, angles and findings. All output about a trial takes them from here.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The content of its log.
@@ -18,7 +18,7 @@ pub struct Judged {
     pub angles: Zeroed,
     /// All findings about it.
     pub findings: Vec<Finding>,
-    /// Why some of them could not be looked for.
+    /// Why some tests could not judge the trial.
     pub not_judged: Vec<&'static str>,
 }
 
@@ -99,7 +99,7 @@ mod tests {
         collector.finish("a.mcap".as_ref(), Records::default())
     }
 
-    /// A new finding is a row of the table and nothing else.
+    /// A new finding needs only a row of the table.
     #[test]
     fn new_row_is_in_all_that_is_made_of_a_trial() {
         static ROW: [Rule; 1] = [Rule::warning(FindingKind::Conduct, "mend it", |data, _| {
@@ -112,7 +112,7 @@ mod tests {
         let said = after.findings.last().unwrap().to_string();
         assert_eq!(said, "4000 readings: mend it");
         assert_eq!(after.log_findings().last().unwrap().log, "a.mcap");
-        // A warning takes the uncertainties away.
+        // A warning removes the uncertainties.
         assert!(alone.steady_angles().is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()));
         let plan = Plan::of_speeds([5000, 1000].map(protocol::units::CentiRpm), "", "").unwrap();
         let trials = session::table("a", &[Summary::new(&plan.trials[0], after, String::new())]);

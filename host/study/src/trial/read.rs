@@ -34,7 +34,7 @@ impl Data {
             let mut message = message?;
             clock.see(&message);
             if let Body::Telemetry(frame) = &mut message.body {
-                // Older programs converted the temperature by an MPU6050 whatever the part, and a model's board named none.
+                // Older programs converted the temperature of every part like an MPU6050's, and a model's board named no part.
                 let id = *imu_id.get_or_insert_with(|| reader.meta::<BoardMeta>().map_or(0, |board| board.imu_id));
                 if id != 0 {
                     frame.temperature_c = TemperatureCounts(frame.temperature_counts as i16).celsius(id);

@@ -19,8 +19,8 @@ pub(super) fn righting_s(constants: Option<TimeConstants>) -> f64 {
     constants.map_or(LONGEST_S, |constants| constants.tilt_s.min(LONGEST_S))
 }
 
-/// Returns the standard deviation of the tilt that may remain after the recorder's wait for a still robot in the mean over
-/// `zero`, degrees; 0 without a wait, or after one that was too brief for a bound.
+/// Returns the standard deviation of the tilt that may remain in the mean over `zero` after the recorder's wait for a still
+/// robot, degrees; 0 without a wait, or if it was too brief for a bound.
 pub(super) fn left_deg(wait: Option<&RestMeta>, righting_s: f64, zero: &Range<f64>) -> f64 {
     let Some((waited_s, tilt_dps)) = wait.and_then(|wait| Some((wait.waited_s, wait.tilt_dps?))) else { return 0.0 };
     let passed_s = (0.5 * (zero.start + zero.end) - waited_s).max(0.0);
@@ -34,18 +34,18 @@ pub(super) fn time_constants(data: &Data) -> Option<TimeConstants> {
     data.robot().ok().and_then(|robot| of(&robot)).or_else(|| of(&Robot::default()))
 }
 
-/// The fastest motors, rpm.
+/// Speed of the fastest motors, rpm.
 const FASTEST_RPM: f64 = 90.0;
 
-/// How much more the robot may tilt than rigid flagella lean it: they bend, and the fluid may be colder than its file says. The
-/// built-in robots tilt by up to 1.35 times as much, at (-90, 90) rpm.
+/// Factor on the tilt by rigid flagella: flagella bend, and the fluid may be colder than in the robot's file. The built-in robots
+/// tilt by up to 1.35 times as much, at (-90, 90) rpm.
 const MORE: f64 = 2.5;
 
-/// A tilt beyond which a yaw means nothing for any robot, degrees.
+/// Tilt above which the yaw of any robot is meaningless, degrees.
 const LARGEST_DEG: f64 = 80.0;
 
-/// Returns the largest tilt of a robot, degrees: where its weight rights it as much as both thrusts at the fastest speed, on the
-/// levers of their shafts, can tilt it ([`mod@resistance`]). `None` if its file is invalid.
+/// Returns the largest tilt of a robot, degrees, at which the righting moment of its weight balances the moment of both thrusts
+/// at the fastest speed on the levers of their shafts ([`mod@resistance`]); `None` if its file is invalid.
 pub(super) fn largest_tilt_deg(robot: &Robot) -> Option<f64> {
     let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
     match &*last {

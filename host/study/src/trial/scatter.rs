@@ -9,7 +9,7 @@ use crate::statistics::{effective_freedom, variance_ratio};
 use serde::Serialize;
 use sim::functions::powi;
 
-/// Quantiles that bound a scatter explained by chance.
+/// Quantiles that bound the scatter by chance.
 const CHANCE: [f64; 2] = [0.025, 0.975];
 
 /// A measured trial as one of several at its speeds.
@@ -32,7 +32,7 @@ impl Repeat {
     pub fn new(trial: &Judged) -> Option<Self> {
         let Judged { data, angles: zeroed, .. } = trial;
         let steady = zeroed.steady.as_ref().filter(|_| !data.is_model() && data.is_complete())?;
-        // All repeats approach alike.
+        // The rest of a slow approach is the same in all repeats.
         let own = |k: usize| Some(steady.budgets[k].as_ref()?.common_to(CommonTo::Trial).without(TO_COME));
         let trial = data.trial();
         Some(Self {

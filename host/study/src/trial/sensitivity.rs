@@ -35,8 +35,8 @@ const COLUMNS: usize = 3 * SENSOR_ERRORS;
 /// Shortest interval between rows, s. One turn of a robot takes 0.7 s or more.
 const INTERVAL_S: f64 = 0.05;
 
-/// The derivatives over a trial, and the integrals that they follow from. `[3 i + j]`: for the error of axis i in
-/// proportion to j. Leans are changes of up in the world's axes, per unit of an error in SI.
+/// The derivatives over a trial, and the integrals from which they follow. `[3 i + j]`: for the error of axis i in proportion to
+/// j. Leans are changes of up in the world's axes, per unit of an error in SI.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensitivities {
     /// Of yaw, then pitch, then roll, for each error.

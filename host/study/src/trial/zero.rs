@@ -162,7 +162,7 @@ impl Zeroed {
         };
         let [pitch, roll, tilt] = self.steady_tilts(&window).map_or([None, None, None], |tilts| tilts.map(Some));
         let mut budgets = [self.yaw_budget(middle), pitch, roll, tilt];
-        // The mean of a run that has not settled is said to be no steady value.
+        // An unsettled run has its own warning instead: its mean is not a steady value.
         if settled && !self.is_model() {
             let [yaw, pitch, roll] = collector.to_come().map(f64::to_degrees);
             let to_come = [yaw, pitch, roll, hypot(pitch, roll)];
@@ -213,8 +213,7 @@ impl Zeroed {
         }
     }
 
-    /// Returns the causes of uncertainty of steady pitch, roll and tilt over a time, if all three are known. The clock is none
-    /// of them.
+    /// Returns the causes of uncertainty of steady pitch, roll and tilt over a time, without the clock, if all three are known.
     fn steady_tilts(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
         let [Some(pitch), Some(roll), Some(tilt)] = self.tilt_budgets(over) else { return None };
         Some([pitch, roll, tilt].map(|budget| budget.without("clock")))

@@ -157,7 +157,7 @@ impl Zeroed {
         let mut angles_deg = series.angles_deg;
         let motion = import_rest::moved(angles_deg.tracks(), &data.times.preroll);
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
-        // Without a rest before the run, nobody knows the zero as well as the instrument its angles.
+        // Without a rest before the run, the error of the zero is unknown, and the stated errors do not contain it.
         let stated = Stated::of(data.records.import.as_ref()).filter(|_| zero.is_some());
         let not_back = |_| {
             let constants = time_constants(data);

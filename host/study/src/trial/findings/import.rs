@@ -13,42 +13,42 @@ use protocol::units::CentiRpm;
 use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
-/// Speeds that differ by no more than this are the same, rpm, and as a share.
+/// Largest difference of equal speeds: rpm, plus a share.
 const SAME_RPM: f64 = 0.3;
 const SAME_SHARE: f64 = 0.03;
 
 /// Smallest number of rows per turn of the faster flagellum.
 const LEAST_ROWS_A_TURN: f64 = 4.0;
 
-/// A change between two rows above both limits is not a motion, degrees and °/s. The fastest full turn takes 3 s.
+/// A change between two rows above both limits, degrees and °/s, is not a motion. The fastest full turn takes 3 s.
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
-/// Flagella that mesh snap, and turn the robot by some 15 degrees between two rows.
+/// The first limit for flagella that mesh, degrees: they snap, and turn the robot by some 15 degrees between two rows.
 const SNAP_DEG: f64 = 30.0;
 
-/// Nor is one that differs by more from the changes before and after it, degrees; and by so many times what that of a tenth of all
-/// rows does not exceed: three such noises of a normal distribution are hardly ever so large.
+/// A change is not a motion either if it differs from the mean of the changes before and after it by more than both this angle,
+/// degrees, and this multiple of the first decile of all such differences. Normal noise of three components hardly ever does.
 const ODD_DEG: f64 = 2.5;
 const ODD_NOISES: f64 = 8.0;
 
-/// Number and duration of rows with the same attitude in a run that are not a measurement.
+/// Number and duration, s, of rows with the same attitude in a run above which they are not a measurement.
 const STOOD_ROWS: usize = 10;
 const STOOD_S: f64 = 3.0;
 
-/// Difference from a recorded yaw that is worth a note if the uncertainty of the instrument is unknown, degrees.
+/// Largest difference of an angle without a note if the uncertainty of the instrument is unknown, degrees.
 const UNKNOWN_DEG: f64 = 1.0;
 
-/// A tilt at rest below so many times its noise is none.
+/// Smallest tilt at rest that is significant, as a multiple of its noise.
 const NOISES: f64 = 3.0;
 
-/// At least this many rows of zeros, with neighbours at least this far from zero, and so many of the table's smallest steps, are
-/// not a measurement.
+/// Rows of zeros are not a measurement if there are at least this many, and the next reading is further from zero than this
+/// angle, degrees, and this many of the table's smallest steps.
 const LEAST_ZEROS: usize = 3;
 const ZERO_DEG: f64 = 0.5;
 const ZERO_STEPS: f64 = 3.0;
 
-/// Intervals of rows beside a gap differ by a larger factor.
+/// Largest ratio of successive intervals between rows without a gap.
 const GAP: f64 = 3.0;
 
 const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
@@ -88,7 +88,7 @@ static RULES: [Rule; 10] = [
     }),
 ];
 
-/// Returns by how much the yaw differs from that of the recording, if that is more than its uncertainty.
+/// Describes the difference of the yaw from the recording's, if it exceeds the uncertainty.
 fn other_yaw(import: &ImportMeta) -> Option<String> {
     let rms_deg = import.clock_rms_deg?;
     (rms_deg > import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG)).then(|| {
@@ -99,7 +99,7 @@ fn other_yaw(import: &ImportMeta) -> Option<String> {
     })
 }
 
-/// Returns what is wrong if a motor did not turn at the trial's speed while the angles were averaged.
+/// Names a motor that did not turn at the trial's speed while the angles were averaged.
 fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
     let wanted = data.speeds().map(|speed| speed.rpm());
     [0, 1].into_iter().find_map(|k| {
@@ -115,8 +115,8 @@ fn other_speed(data: &Data, window: &Range<f64>) -> Option<String> {
     })
 }
 
-/// Returns what is wrong if it matters whether the tilt at rest is of the mounting on the body, as is assumed, or of the
-/// instrument's frame, whose vertical is askew: the latter does not turn with the body.
+/// Returns a note if the result depends on the cause of the tilt at rest: the mounting on the body, as is assumed, or an
+/// instrument's frame that is not vertical, which does not turn with the body.
 fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
     let seen_deg = NOISES * noise_at_rest_deg(zeroed)..=LARGEST_TILT_DEG;
@@ -137,7 +137,7 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     (0..3).any(matters).then_some(text)
 }
 
-/// Returns the standard error of the tilt at rest, degrees, by the scatter of its rows.
+/// Returns the standard error of the tilt at rest, degrees, from the scatter of its rows.
 fn noise_at_rest_deg(zeroed: &Zeroed) -> f64 {
     let rest = 2.0 * zeroed.from_s - zeroed.run.start..zeroed.run.start;
     let [_, pitch, roll] = zeroed.angles_deg.tracks();
@@ -203,8 +203,8 @@ fn lost(data: &Data) -> Option<String> {
     None
 }
 
-/// Returns by how much each change between two rows, from the second on, differs from the mean of those before and after it,
-/// degrees; 0 beside a gap.
+/// Returns the difference of each change between two rows, from the second change on, from the mean of the changes before and
+/// after it, degrees; 0 beside a gap.
 fn odd(readings: &[(f64, Reading)]) -> Vec<f64> {
     let change = |pair: &[(f64, Reading)]| {
         let [one, other] = [0, 1].map(|k| rotation(pair[k].1.attitude));

@@ -51,7 +51,7 @@ static RULES: [Rule; 14] = [
         }
         data.encoders().unwrap_or_else(|error| vec![error.reason])
     }),
-    // A damaged frame of telemetry is a lost one.
+    // Damaged frames of telemetry are also counted as lost.
     Rule::loss(Conduct, CABLE, |data, _| {
         let damaged = warnings(data).filter(|event| event.text.starts_with(DAMAGED_FRAME)).count();
         let were = if damaged == 1 { "frame was" } else { "frames were" };

@@ -10,8 +10,8 @@ use crate::trial::zero::Zeroed;
 use biflag_log::RestMeta;
 use protocol::units::CentiRpm;
 
-/// Bound on the motion before a run, relative to the limits of a still robot. Up to it the numbers are right within their
-/// uncertainty: the fit of the return to rest covers the motion after a wait.
+/// Bound on the motion before a run, relative to the limits of a still robot. Below it the numbers are right within their
+/// uncertainty, because the fit of the return to rest covers the motion after a wait.
 const GRAVE: f64 = 4.0;
 
 const WAIT: &str = "let the robot come to rest, or give the plan a longer rest_at_most";
@@ -137,7 +137,7 @@ fn motion(rest: &RestMeta) -> Option<Motion> {
     Some(Motion { yaw_dps: rest.yaw_dps?, tilt_dps: rest.tilt_dps? })
 }
 
-/// Returns how the robot moved after the recorder's wait for its rest, in words, if that is grave or not.
+/// Describes the motion of the robot after the recorder's wait for its rest, either a grave or a slight one.
 fn waited(data: &Data, is_grave: bool) -> Option<String> {
     let rest = not_still(data)?;
     let Motion { yaw_dps, tilt_dps } = motion(rest).filter(|motion| (motion.relative() > GRAVE) == is_grave)?;
@@ -148,7 +148,7 @@ fn waited(data: &Data, is_grave: bool) -> Option<String> {
     ))
 }
 
-/// Returns how an imported robot moved before its run, in words, if that is grave or not.
+/// Describes the motion of an imported robot before its run, either a grave or a slight one.
 fn moved(zeroed: &Zeroed, is_grave: bool) -> Option<String> {
     let motion = zeroed.rest.motion.filter(|motion| (motion.relative() > GRAVE) == is_grave)?;
     let [yaw, tilt] = [Motion { tilt_dps: 0.0, ..motion }, Motion { yaw_dps: 0.0, ..motion }];

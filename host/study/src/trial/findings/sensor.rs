@@ -15,11 +15,11 @@ use std::ops::Range;
 /// Smallest gain of the board's filter with which the tilt has settled when the zero is taken, 1/s.
 const LEAST_GAIN: f32 = 0.5;
 
-/// Rate, °/s, by which no robot's reading exceeds those before and after it: where the flagella do not touch, and where they
-/// may, so that they snap. On the emulated board the largest were 0.9 and 12.5.
+/// Largest difference of a robot's rate from the readings before and after it, °/s: with flagella that do not touch, and with
+/// flagella that may touch and snap. On the emulated board the largest were 0.9 and 12.5.
 const JUMP_DPS: [f64; 2] = [3.0, 60.0];
 
-/// Share of the yaw's uncertainty by which jumps may turn it.
+/// Largest turn of the yaw by jumps that is not grave, as a share of its uncertainty.
 const TURNED_SHARE: f64 = 0.1;
 
 const JUMPS: &str = "check the sensor's wiring and supply, and keep its wires away from those of the motors";
@@ -78,7 +78,7 @@ fn is_of_robot(data: &Data) -> bool {
     data.is_recorded() && data.speeds() != [CentiRpm(0); 2] && data.times.has_run()
 }
 
-/// Returns what shows that the sensor's file gives a wrong gravity: its errors are removed from the angles.
+/// Describes a wrong gravity by the sensor's file, whose errors are removed from the angles.
 fn other_sensor(data: &Data) -> Option<String> {
     let file = data.records.measured_sensor.as_ref()?;
     let level = data.records.level.as_ref()?;
@@ -95,8 +95,8 @@ fn other_sensor(data: &Data) -> Option<String> {
     })
 }
 
-/// Returns how many readings of the gyroscope jump and how far that turns the yaw, in words, if that is grave or not. The board
-/// has added them to its attitude.
+/// Describes readings of the gyroscope that jump, which the board has added to its attitude: their number and the turn of the
+/// yaw, either a grave or a slight one.
 fn jumped(data: &Data, zeroed: &Zeroed, is_grave: bool) -> Option<String> {
     let turns_as_planned = data.reverse().is_none() && data.records.steer.is_none();
     let speeds = data.speeds().map(CentiRpm::rpm);
@@ -114,8 +114,8 @@ fn jumped(data: &Data, zeroed: &Zeroed, is_grave: bool) -> Option<String> {
     })
 }
 
-/// Returns the number of readings that differ from those before and after by more than this rate, and the sum of what they
-/// turn about the vertical, degrees. Two in a row may be one sample, which the board has used twice.
+/// Returns the number of readings that differ from those before and after by more than this rate, and the sum of their turns
+/// about the vertical, degrees. Two in a row may be one sample that the board has used twice.
 fn jumps(data: &Data, jump_dps: f64) -> (usize, f64) {
     let readings = &data.readings[data.calibrated.min(data.readings.len())..];
     let (mut count, mut turned_deg, mut i) = (0, 0.0, 1);
@@ -203,7 +203,7 @@ mod tests {
             (&[100], &[], 1),
             (&[100, 250], &[], 2),
             (&[100, 101], &[], 2),
-            // A motion, and one that no reading beside it confirms.
+            // A motion, and a rate that no reading beside it confirms.
             (&[100, 101, 102], &[], 0),
             (&[100], &[101], 0),
         ] {

@@ -1,4 +1,5 @@
-//! Finding about the swing of the robot: each flagellum swings it once a turn, so its motion says whether its speeds can be true.
+//! Findings about the swing of the robot: each flagellum swings it once a turn, so its motion shows whether its speeds can be
+//! true.
 
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, wrapped};
@@ -21,8 +22,7 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Share and rpm by which true speeds may be off those of a trial: of a board's encoders, of an import, and of motors without
-/// encoders.
+/// Largest error of a trial's speeds, as a share plus rpm: from a board's encoders, of an import, and of motors without encoders.
 const OFF: (f64, f64) = (0.012, 0.1);
 const OFF_OF_IMPORT: (f64, f64) = (0.03, 0.3);
 const OFF_OF_BLIND: (f64, f64) = (0.25, 2.0);
@@ -40,7 +40,7 @@ static RULES: [Rule; 4] = [
     ),
 ];
 
-/// What a frame may be, as part of a sentence.
+/// Mistakes in the frame of the angles, as parts of a sentence.
 const FRAME_MIRRORED: &str = "the frame of the angles is mirrored or its z axis points down";
 const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
 const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
@@ -48,8 +48,8 @@ const QUARTER_TURN: &str = "the frame of the angles is turned by a quarter about
 const OTHER_ORDER: &str = "the angles are turns in another order";
 const OPPOSITE_TURN: &str = "the quaternion or the matrix turns the world's axes into the body's";
 
-/// Returns what frame of the angles looks like a mistake of the speeds. `has_other_sense`: whether the yaw has another sign than
-/// by the speeds.
+/// Returns the mistakes in the frame that look like this mistake of the speeds. `has_other_sense`: whether the sign of the yaw
+/// contradicts the speeds.
 fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str] {
     match (cause, has_other_sense) {
         (Cause::Sign([true, true]) | Cause::Reversed, _) => &[FRAME_MIRRORED],
@@ -60,7 +60,7 @@ fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str]
     }
 }
 
-/// Returns a trial as its swing is asked about it, or why it cannot be.
+/// Returns the label of a trial for the test of its swing, or why the swing cannot be tested.
 pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'a>, &'static str> {
     let rpm = data.speeds().map(CentiRpm::rpm);
     let robot = data.robot().map_err(|_| "the robot's file cannot be read")?;
@@ -74,13 +74,13 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
         true => OFF,
         false => OFF_OF_IMPORT,
     };
-    // Those without encoders are asked for while they are measured.
+    // Without encoders, this runs while the speeds are measured.
     let told = if data.is_blind() { steady.measured.get() } else { Some(steady.measured(&zeroed.angles_deg)) };
     let told_rpm = told.and_then(SwingSpeeds::rpm);
     Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone })
 }
 
-/// Returns the speeds of motors without encoders: those of the swing alone, or those near the commanded ones that the swing has.
+/// Returns the speeds of motors without encoders, from the swing alone, or else from the swing near the commanded speeds.
 pub(crate) fn speeds_without_encoders<'a>(data: &Data, zeroed: &Zeroed, steady: &'a Steady) -> &'a SwingSpeeds {
     steady.measured.get_or_init(|| {
         let alone = SwingSpeeds::of(&zeroed.angles_deg, steady.swing_s.clone());
@@ -89,7 +89,7 @@ pub(crate) fn speeds_without_encoders<'a>(data: &Data, zeroed: &Zeroed, steady: 
     })
 }
 
-/// Returns what the swing of a trial says of its speeds, or why nothing.
+/// Judges the speeds of a trial by its swing, or returns why they cannot be judged.
 fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     if frame::is_wrong(data, zeroed) {
         return Err("the frame of the angles is not that of the body");
@@ -101,7 +101,7 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     })
 }
 
-/// Asks about the swing of an import, beside that of its robot's model.
+/// Compares the swing of an import with the swing of its robot's model.
 fn by_model<T>(
     data: &Data,
     zeroed: &Zeroed,
@@ -149,14 +149,15 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
 /// The model of a robot swings steadily between these times, s.
 const MODELLED_S: Range<f64> = 10.0..30.0;
 
-/// Edges of a turn of the model's flagella: more change no direction.
+/// Edges per turn of the model's flagella: more do not change the directions.
 const EDGES: f64 = 15.0;
 
-/// The largest turn of a swing from its model's that another stiffness explains, and the largest from that of a cause, degrees.
+/// Largest turn of a swing relative to its model's that another stiffness explains, and largest difference from the turn that a
+/// cause explains, degrees.
 const TURNED_DEG: f64 = 45.0;
 const NEAR_DEG: f64 = 35.0;
 
-/// Returns what the directions and the sizes of an import's swing, beside those of its robot's model, say of its angles.
+/// Describes an error of an import's angles that the directions or the sizes of its swing show, compared with its robot's model.
 fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
     let (turned_deg, scaled) =
@@ -175,7 +176,7 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
             frame::as_if(&causes)
         ));
     }
-    // A turn has other shares of pitch and roll, but not of the yaw.
+    // A turn of the frame changes the shares of pitch and roll, but not the yaw's.
     let (angle, factor) =
         scaled.filter(|(angle, _)| turned_deg.map_or(*angle == 0, |deg| deg.abs() < TURNED_DEG / 2.0))?;
     let angle = ["yaw", "pitch", "roll"][angle];
@@ -199,7 +200,7 @@ fn modelled(mut robot: Robot, rpm: [f64; 2]) -> Option<Columns<3>> {
     Some(angles_deg)
 }
 
-/// Says a cause, with a time by the clock that the user knows.
+/// Describes a cause, with times on the clock of the user's table.
 fn said(cause: &Cause, data: &Data) -> String {
     match (cause, &data.records.import) {
         (Cause::StopEarly { at_s }, Some(import)) if import.trial.is_empty() => {
@@ -221,7 +222,7 @@ fn without_speeds(data: &Data, zeroed: &Zeroed) -> Option<String> {
     })
 }
 
-/// The largest difference of a speed from the commanded one that is not worth a word: its share, and rpm beside it.
+/// Largest difference of a speed from the commanded one without a note: a share, plus rpm.
 const USUAL: (f64, f64) = (0.1, 1.0);
 
 fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
@@ -244,9 +245,9 @@ fn turns_with_its_motors(data: &Data, zeroed: &Zeroed) -> Option<String> {
     }
     let both = Cause::Sign([true; 2]).to_string();
     let causes = match judged(data, zeroed) {
-        // The senses of the motors are right, so that it is the yaw.
+        // The senses of the motors are right, so the yaw is wrong.
         Ok(Label::Right) => vec![YAW_CLOCKWISE, OPPOSITE_TURN],
-        // These causes are named beside those of the swing.
+        // The finding about the swing names these causes.
         Ok(Label::Wrong(_)) => return None,
         _ => vec![&both[..], FRAME_MIRRORED, YAW_CLOCKWISE],
     };

@@ -13,10 +13,10 @@ use protocol::units::CentiRpm;
 use sim::body::attitude::{aligning, of_euler_zyx, of_vector};
 use std::f64::consts::PI;
 
-/// A smaller yaw has no sign, degrees.
+/// Smallest yaw whose sign is judged, degrees.
 const LEAST_YAW_DEG: f64 = 5.0;
 
-/// A yaw beyond this may have turned either way between two attitudes, degrees.
+/// Largest yaw between two attitudes that shows the sense of the turn, degrees.
 const HALF_TURN_DEG: f64 = 150.0;
 
 const ANOTHER: &str = "give the angles in a frame whose z axis points up";
@@ -33,7 +33,7 @@ static RULES: [Rule; 2] = [
     Rule::warning(Upright, AXES, tilts_too_far),
 ];
 
-/// Returns how far from upright an imported robot hangs at rest, in words, if that is no mounting of its marks.
+/// Describes the tilt of an imported robot at rest, if it is too large for a mounting of its marks.
 fn askew(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
     let deg = tilt_deg(pitch_deg, roll_deg);
@@ -59,7 +59,7 @@ fn tilts_too_far(data: &Data, zeroed: &Zeroed) -> Option<String> {
     })
 }
 
-/// Returns whether the angles are in another frame than the body, so that its swing cannot be told.
+/// Returns whether the frame of the angles is not the body's, so that the swing cannot be judged.
 pub(super) fn is_wrong(data: &Data, zeroed: &Zeroed) -> bool {
     askew(data, zeroed).or_else(|| tilts_too_far(data, zeroed)).is_some()
 }
@@ -68,12 +68,12 @@ pub(super) fn as_if(frames: &[impl AsRef<str>]) -> String {
     if frames.is_empty() { String::new() } else { format!(": as if {}", either(frames)) }
 }
 
-/// The fastest motor of the other sense, by the faster one, that leaves the sign of a yaw as it is: with the opposite speeds of
-/// `physical` it changes between 0.67 and 0.83.
+/// Largest ratio of the slower motor's speed to the faster one's in the opposite sense at which the faster one determines the
+/// sign of the yaw. With `physical` the sign changes between 0.67 and 0.83.
 const SLOWER: f64 = 0.5;
 
-/// Returns the sign that the yaw has by the speeds of a trial: the faster motor turns the robot against its sense, unless the other
-/// one turns the other way and is nearly as fast.
+/// Returns the sign of the yaw that follows from the speeds of a trial: the faster motor turns the robot against its own sense,
+/// unless the other motor turns the other way and is nearly as fast.
 fn sense(data: &Data) -> Option<f64> {
     let [one, other] = data.speeds().map(CentiRpm::rpm);
     let (fast, slow) = if one.abs() > other.abs() { (one, other) } else { (other, one) };
@@ -81,15 +81,15 @@ fn sense(data: &Data) -> Option<f64> {
     (are_constant && fast != 0.0 && fast * slow >= -SLOWER * fast * fast).then(|| -fast.signum())
 }
 
-/// Returns whether the yaw has another sign than its speeds give it; `None` if they do not tell.
+/// Returns whether the sign of the yaw contradicts the speeds; `None` if they do not determine it.
 pub(super) fn has_other_sense(data: &Data, zeroed: &Zeroed) -> Option<bool> {
     let (sense, angles) = (sense(data)?, zeroed.angles()?);
     let least_deg = angles.yaw_uncertainty_deg.unwrap_or_default().max(LEAST_YAW_DEG);
     (angles.yaw_deg.abs() > least_deg).then_some(angles.yaw_deg * sense < 0.0)
 }
 
-/// Returns the frames in which the angles of an import may be instead, in words: in each of them the robot hangs upright and
-/// tilts by no more than it can.
+/// Describes other frames in which the angles of an import may be: in each of them the robot hangs upright and its tilt is
+/// possible.
 fn frames(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     let (Some(import), Some(steady)) = (&data.records.import, &zeroed.steady) else { return Vec::new() };
     let most_deg = data.robot().ok().and_then(|robot| largest_tilt_deg(&robot)).unwrap_or(90.0);
@@ -128,7 +128,7 @@ fn frames(data: &Data, zeroed: &Zeroed) -> Vec<String> {
 
 type Turn = UnitQuaternion<f64>;
 
-/// Axes that may point along z, which points up: which one, where it points, and z in its frame.
+/// Axes that may be vertical in place of a z axis that points up: the axis, where it points, and up in its frame.
 const UPWARDS: [(&str, &str, [f64; 3]); 5] = [
     ("z", "down", [0.0, 0.0, -1.0]),
     ("y", "up", [0.0, 1.0, 0.0]),

@@ -64,7 +64,7 @@ pub(in crate::trial::findings) fn judged(
     Judged::read(&log, Want::default()).unwrap()
 }
 
-/// Returns the motion as the log of a model has it.
+/// Returns the motion as a trial of the model.
 fn model(truth: &Truth) -> Judged {
     let mut collector = Collector::new(Want::default(), 2);
     for (name, time_s) in [("preroll", 0.0), ("run", REST_S), ("end", REST_S + RUN_S)] {
@@ -95,7 +95,7 @@ fn model(truth: &Truth) -> Judged {
     Judged::of(collector.finish("model".as_ref(), records))
 }
 
-/// Returns the turns of a cube.
+/// Returns the rotations of a cube.
 fn cube() -> Vec<Turn> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     let axes: Vec<Vector3<f64>> = axes.into_iter().flat_map(|axis| [axis, -axis]).collect();
@@ -104,7 +104,7 @@ fn cube() -> Vec<Turn> {
     turns.map(|(x, y)| Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)])).into()).collect()
 }
 
-/// Returns the names of the axis that points along z, which points up.
+/// Returns the name of the vertical axis in a frame with this direction of up.
 fn name(up: Vector3<f64>) -> String {
     let axis = ["x", "y", "z"][up.iamax()];
     format!("{axis} axis WHOSE points {}", if up.sum() > 0.0 { "up" } else { "down" })
@@ -156,7 +156,7 @@ fn no_wrong_frame_is_silent_that_changes_a_result() {
         let [yaw, pitch, roll] = euler_zyx(&q);
         of_euler_zyx([-yaw, pitch, roll]).into_inner()
     });
-    // Where the yaw is small, only its sign tells the inverse.
+    // If the yaw is small, only its sign shows the inverse.
     let turned = attitudes(&truth, 140.0);
     for rows in [&rows, &turned] {
         check_of("turns the world's axes into the body's", rows, &|q| q.inverse().into_inner());

@@ -1,6 +1,6 @@
-//! Imports of many motions, right ones and spoilt ones.
+//! Imports of many motions, with and without faults.
 //!
-//! Some robots are softer, or their fluid thicker, than the file of the import says; some speeds wander.
+//! Some robots are softer, or their fluid is thicker, than in the file of the import; some speeds wander.
 
 use crate::attitude::Unwrap;
 use crate::swing::tests::{RATE_HZ, Random, Truth, quick};
@@ -71,7 +71,7 @@ fn motions() -> Vec<Motion> {
         .collect()
 }
 
-/// How it is measured.
+/// The conditions of a measurement.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     rate_hz: f64,
@@ -116,7 +116,7 @@ fn rows(truth: &Truth, way: Way) -> Rows {
     (0..count)
         .map(|i| {
             let time_s = i as f64 / way.rate_hz;
-            // The motors turn by the time that they have seen.
+            // Wandering motors turn on a clock of their own.
             let run_s = time_s - way.rest_s;
             if run_s > 0.0 {
                 turned_s += (1.0 + if turned_s < RUN_S { change } else { 0.0 }) / way.rate_hz;
@@ -178,7 +178,7 @@ fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
     let (z, x, y) = (Vector3::z(), Vector3::x(), Vector3::y());
     match fault {
         "inverse" => by_turn(rows, |_, q| q.inverse()),
-        // The table's angles are those of another order.
+        // The table has the angles of another order.
         "order x-y-z" => {
             other_order(rows, |m| [(-m[(0, 1)]).atan2(m[(0, 0)]), m[(0, 2)].asin(), (-m[(1, 2)]).atan2(m[(2, 2)])])
         }
@@ -227,7 +227,7 @@ fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
     }
 }
 
-/// Returns yaw, pitch and roll as a program states them whose turns are in another order.
+/// Returns yaw, pitch and roll in another order of the turns.
 fn other_order(rows: &Rows, of: impl Fn(Matrix3<f64>) -> [f64; 3]) -> Rows {
     let mut unwrap = Unwrap::default();
     let row = |(t, angles): &(f64, [f64; 3])| {
@@ -238,7 +238,7 @@ fn other_order(rows: &Rows, of: impl Fn(Matrix3<f64>) -> [f64; 3]) -> Rows {
     rows.iter().map(row).collect()
 }
 
-/// Motors of nearly equal speeds are told by the senses alone.
+/// Only the senses distinguish motors of nearly equal speeds.
 #[test]
 fn a_nearly_equal_motor_that_stood_or_turned_the_other_way_is_named() {
     let way = Way { rate_hz: 30.0, noise_deg: 0.05, rest_s: 5.0, rest_deg: 40.0, wander: 0.0 };
@@ -309,10 +309,10 @@ fn shares_of_spoilt_imports() {
     assert!(alarms <= 1, "{alarms}");
 }
 
-/// Right imports of a motion.
+/// Number of right imports of a motion.
 const RIGHT: usize = 6;
 
-/// What is said of a spoilt import beyond what is said of the right one.
+/// Findings about a spoilt import that the right one does not have.
 #[derive(Clone, Copy, PartialEq)]
 enum Told {
     Grave,
@@ -322,7 +322,7 @@ enum Told {
     Harmless,
 }
 
-/// Returns whether both flagella wrap, what is said, and its words.
+/// Returns whether both flagella wrap, the kind of finding, and its text.
 fn told(fault: &str, motion: &Motion, seed: u64) -> (bool, Told, String) {
     let mut random = Random(5000 + seed, 0);
     let way = Way::of(&mut random);
