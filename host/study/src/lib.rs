@@ -18,7 +18,7 @@
 //! | [`trial`], [`attitude`] | what a log says: angles from a measured zero, with their uncertainty |
 //! | [`twin`] | whether experiment and model agree; which parameters make them agree |
 //! | [`sweep`], [`aim`] | steady states over many speeds and robots; speeds for an attitude |
-//! | `swing` | the speeds of both motors by the motion of the robot, and whether those that a trial states agree with it |
+//! | `swing` | the speeds of both motors by the motion of the robot, and whether the stated speeds of a trial agree with it |
 //! | [`steer`] | the speeds of the next moment, so that an attitude is reached and held |
 //! | [`export`], [`output`] | tables and files for other programs |
 //! | [`import`] | trials that other instruments measured |

@@ -20,7 +20,7 @@ pub enum OutputError {
     #[error("{}: cannot be written: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name a file in a folder that exists and is writable"))]
     Folder { path: PathBuf, reason: String },
-    /// The name ends otherwise than what is written into the file.
+    /// The ending of the name does not fit the content of the file.
     #[error("{}: the name must end with {endings}", path.display())]
     #[diagnostic(code(wrong_use))]
     Ending { path: PathBuf, endings: String },
@@ -47,7 +47,7 @@ impl OutputError {
     }
 }
 
-/// Returns which of these endings the name of a file has, whose case does not matter.
+/// Returns the index of the ending that the name of a file has. Case does not matter.
 ///
 /// # Errors
 /// [`OutputError::Ending`].
@@ -59,7 +59,7 @@ pub fn ending(path: &Path, endings: &[impl AsRef<str>]) -> Result<usize, OutputE
     })
 }
 
-/// Returns whether a name has an ending; the digits of `run1.5` are none.
+/// Returns whether a name has an ending; digits, as in `run1.5`, are not an ending.
 pub fn has_ending(path: &Path) -> bool {
     path.extension().is_some_and(|ending| !ending.as_encoded_bytes().iter().all(u8::is_ascii_digit))
 }
@@ -78,7 +78,7 @@ fn check_name(path: &Path) -> Result<(), OutputError> {
 /// [`OutputError`].
 pub fn check_new(path: &Path) -> Result<(), OutputError> {
     check_name(path)?;
-    // A dangling link is in the way, too.
+    // A dangling link also occupies the name.
     if path.symlink_metadata().is_ok() {
         return Err(OutputError::Exists { path: path.to_owned() });
     }

@@ -40,7 +40,7 @@ pub struct PlannedTrial {
 }
 
 impl Preview {
-    /// Returns the preview of a plan. `knows_angles`: whether the board is known to know where the flagella start.
+    /// Returns the preview of a plan. `knows_angles`: whether the board certainly knows the starting angles of the flagella.
     pub fn of(plan: &Plan, knows_angles: bool) -> Self {
         let trials = plan.trials.iter().map(|trial| {
             let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
@@ -73,7 +73,7 @@ pub fn end_after(duration_s: f64) -> String {
     end(SystemTime::now(), duration_s).unwrap_or_else(|| "a time that no calendar has".to_owned())
 }
 
-/// Returns `None` if the computer's clock is wrong by millennia.
+/// Like [`end_after`]; `None` if the computer's clock is wrong by millennia.
 fn end(now: SystemTime, duration_s: f64) -> Option<String> {
     let now = Timestamp::try_from(now).ok()?.to_zoned(TimeZone::system());
     let end = now.checked_add(SignedDuration::try_from_secs_f64(duration_s).ok()?).ok()?;

@@ -40,9 +40,9 @@ pub struct Progress {
 #[derive(Debug, Default)]
 struct Shared {
     state: Mutex<State>,
-    /// There is something to draw.
+    /// Signals that there is something to draw.
     news: Condvar,
-    /// Something was drawn.
+    /// Signals that something was drawn.
     drawn: Condvar,
 }
 
@@ -54,15 +54,15 @@ struct State {
     /// Number of drawings so far.
     drawings: u64,
     ends: bool,
-    /// The bell rings at the end.
+    /// Whether the bell rings at the end.
     rings: bool,
-    /// The terminal hangs, and the others have stopped waiting for it.
+    /// Whether the terminal hangs, and the other threads have stopped waiting for it.
     given_up: bool,
-    /// Everything was drawn.
+    /// Whether everything was drawn.
     over: bool,
 }
 
-/// Contents of the bar. Only the latest matter.
+/// Contents of the bar. Only the latest contents matter.
 #[derive(Clone, Debug, Default)]
 struct Bar {
     position_ms: u64,
@@ -197,7 +197,7 @@ fn draw(shared: &Shared, mut screen: impl FnMut(Drawing)) {
     shared.drawn.notify_all();
 }
 
-/// What the drawing thread asks of its screen.
+/// A request of the drawing thread to its screen.
 enum Drawing<'a> {
     /// Print a line above the bar.
     Line(&'a str),
@@ -240,7 +240,7 @@ fn terminal(total_s: f64) -> impl FnMut(Drawing) + Send + 'static {
         Drawing::End { rings } => {
             bar.finish_and_clear();
             if rings {
-                // A terminal that has closed hears nothing.
+                // A closed terminal does not ring.
                 let _ = io::stderr().write_all(b"\x07");
             }
         }
@@ -308,7 +308,7 @@ mod tests {
             progress.figures(&format!("figure {tenth}"));
         }
         progress.phase("001", "run");
-        // Drawings may have come before all of it, also between the figures and the phase.
+        // Earlier drawings may have only a part of this, even between the figures and the phase.
         let shown = tells.iter().take(100).find(|text| text.contains("run"));
         assert_eq!(shown.unwrap(), "bar 5000 001: run figure 50");
     }

@@ -20,7 +20,7 @@ pub fn listed(words: &[impl AsRef<str>]) -> String {
     }
 }
 
-/// Joins what may be: `yaw, or as if pitch`.
+/// Joins alternatives: `yaw, or as if pitch`.
 pub fn either(clauses: &[impl AsRef<str>]) -> String {
     clauses.iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", or as if ")
 }

@@ -112,7 +112,7 @@ pub struct Proposal {
 /// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
-    /// Whether solutions were found. A search from a table may miss some, so other speeds may still reach the attitude.
+    /// Whether solutions were found. A search from a table may miss some, so even without solutions, speeds may exist.
     pub reachable: bool,
     /// Confidence of the intervals; `None` if it cannot be stated.
     pub confidence: Option<f64>,

@@ -100,7 +100,7 @@ mod tests {
             (other.yaw_deg, -other.pitch_deg, -other.roll_deg, other.thrust_n)
         );
         assert!(table.rows.iter().any(|row| row.touches() == Some(true)));
-        // Between its rows.
+        // Values are right between the rows, too.
         let between = table.about([35.0, 5.0]).at([35.0, 5.0]);
         let rows = [at(30.0, 0.0), at(30.0, 10.0), at(40.0, 0.0), at(40.0, 10.0)];
         let mean = rows.iter().map(|row| row.yaw_deg).sum::<f64>() / 4.0;

@@ -30,7 +30,7 @@ impl Target {
         }
     }
 
-    /// Returns the target of yaw, pitch, roll, tilt (degrees) and thrust (N), of which some are asked for.
+    /// Returns the target of yaw, pitch, roll, tilt (degrees) and thrust (N); `None` for a quantity that is not part of it.
     ///
     /// # Errors
     /// As [`Target::new`].

@@ -47,7 +47,7 @@ impl Summary {
     }
 }
 
-/// What is said of an uncertainty beside the column of its value.
+/// Description of an uncertainty's column, beside the column of its value.
 const UNCERTAINTY: &str = "its 95 % uncertainty";
 
 /// Returns the table of a session: one row per trial.

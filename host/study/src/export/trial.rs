@@ -116,7 +116,7 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     data.readings.iter().enumerate().map(row).collect()
 }
 
-/// Returns the value at a time, if it is that of a sample, or between two samples that are not further apart than this.
+/// Returns the value at a time, if the time is a sample's, or lies between two samples that are at most `longest_s` apart.
 fn between(track: Track, longest_s: f64, time_s: f64) -> Option<f64> {
     let after = track.time_s.partition_point(|time| *time < time_s);
     let next = track.time_s.get(after)?;

@@ -5,8 +5,8 @@
 //! A search over d and r finds the smallest residuals; a least-squares fit from there gives all four numbers and their
 //! uncertainties.
 //!
-//! Where the table's instrument saw the LED of the board, which is lit while a motor is on, the times at which it came on and went off
-//! give d and r, and the fit only the other two.
+//! If the table's instrument saw the LED of the board, which is lit while a motor is on, the times at which it went on and off
+//! give d and r, and the fit only c and e.
 
 use super::{ImportError, State, States};
 use crate::attitude::{Columns, Track};
@@ -32,7 +32,7 @@ const LEAST_SHARE: f64 = 0.5;
 /// Smallest motion of the yaw that determines the time: its standard deviation, degrees.
 const LEAST_MOTION_DEG: f64 = 1.0;
 
-/// Residuals above this share of the motion belong to another trial.
+/// Largest residuals of the same trial, as a share of the motion.
 const MOST_RESIDUAL: f64 = 0.2;
 
 /// Another time is also possible if its residuals exceed the best ones by at most this factor, or by less than this,
@@ -83,13 +83,14 @@ pub struct Beside {
     pub trial: String,
     /// The clock of the table.
     pub clock: Clock,
-    /// What told it.
+    /// The signal that determined the clock, in words.
     by: &'static str,
 }
 
 impl Beside {
     /// Puts the states of a table on the clock of a recording, with the motion of its motors. States before and after the
-    /// recording are left out. `table` is the table's name in errors, `sync` when the LED of the board came on and went off in it.
+    /// recording are left out. `table` is the table's name in errors, `sync` the times at which the LED of the board went on and
+    /// off in it.
     ///
     /// # Errors
     /// [`ImportError::Table`] if the yaws do not determine the clock, or the LED does not.
@@ -207,7 +208,7 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
     })
 }
 
-/// Returns the clock of a table in which the LED of the board came on and went off at `seen_s`, and by the recording at `lit_s`.
+/// Returns the clock of a table in which the LED of the board went on and off at `seen_s`, and in the recording at `lit_s`.
 fn by_light(
     table: Track,
     log: Track,
@@ -253,7 +254,7 @@ impl Grid {
     fn residual(&self, table: &Self, lag: f64, rate: f64, least: usize, least_motion_deg: f64) -> Option<f64> {
         let [mut n, mut t, mut tt] = [0.0; 3];
         let [mut e, mut te, mut ee, mut y, mut ty, mut yy] = [0.0; 6];
-        // A film of an hour has few values within the recording.
+        // Of a film of an hour, few values are within the recording.
         let first = (-lag / (1.0 + rate)).max(0.0) as usize;
         for (i, value) in table.yaw.iter().enumerate().skip(first) {
             let time = i as f64;

@@ -56,7 +56,7 @@ impl ImportError {
         Self::Table { table: table.to_owned(), reason: reason.into(), help }
     }
 
-    /// Returns whether the error is wrong use: all are, except those of the disk.
+    /// Returns whether the error is wrong use, as are all except errors of the disk.
     #[cfg(test)]
     pub(super) fn is_wrong_use(&self) -> bool {
         self.code().is_some_and(|code| code.to_string() == crate::WRONG_USE)

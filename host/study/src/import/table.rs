@@ -35,8 +35,8 @@ pub struct State {
 pub struct States {
     /// The states.
     pub rows: Vec<State>,
-    /// What the log says of the table. Constant are the quantities that were given as constants, and an angle with the
-    /// same value in all rows, which programs without this angle write.
+    /// The log's record of the table. Its constants are the quantities given as constants, and angles with the same value in all
+    /// rows, because programs that do not measure an angle write such columns.
     pub about: ImportMeta,
 }
 
@@ -103,9 +103,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
-    /// line holds the names of the columns, unless all its cells are numbers. Column numbers, which programs write
-    /// instead of names, count as names, too. `skip`: lines before it that are none of the table.
+    /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first line
+    /// holds the names of the columns, unless all its cells are numbers. Column numbers, which programs write instead of names,
+    /// count as names, too. `skip`: number of lines before the table.
     ///
     /// # Errors
     /// [`ImportError::Read`], [`ImportError::Table`].
@@ -116,7 +116,7 @@ impl Table {
             ImportError::table(&name, "is no text in UTF-8", "write the table as CSV in UTF-8, which every program can")
         })?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        // Empty lines in their place keep the numbers of the others.
+        // Empty lines in place of the skipped ones keep the line numbers right.
         let text = "\n".repeat(skip) + text.splitn(skip + 1, '\n').nth(skip).unwrap_or_default();
         let mut rows = Vec::new();
         let mut format = csv::ReaderBuilder::new();
@@ -131,7 +131,7 @@ impl Table {
         if rows.is_empty() {
             return Err(ImportError::table(&name, "is empty", "name a table in the format CSV"));
         }
-        // A row of decimal commas is none of names, although it cannot be read.
+        // Numbers with decimal commas are not names, although they cannot be read.
         let is_number = |cell: &String| is_empty(cell) || cell.replace(',', ".").parse::<f64>().is_ok();
         let header = match rows.first() {
             Some((_, cells)) if !cells.iter().all(is_number) || is_numbering(cells) => rows.remove(0).1,
@@ -282,7 +282,7 @@ fn delimiter(text: &str) -> u8 {
         count > 0 && (second.is_empty() || times(second, *separator) == count)
     };
     let regular = ['\t', ';', ','].into_iter().find(is_regular);
-    // Of equally many, the last one: the comma.
+    // On a tie, the last one: the comma.
     let frequent = || ['\t', ';', ','].into_iter().max_by_key(|separator| times(first, *separator));
     regular.or_else(frequent).map_or(b',', |separator| separator as u8)
 }

@@ -274,7 +274,7 @@ fn what_cannot_be_imported_is_said() {
     }
 }
 
-/// Decimal commas are told from separators, and the end of an empty line is none of its cells.
+/// Decimal commas are distinguished from separators, and the end of an empty line is not a cell.
 #[test]
 fn separator_is_told_from_a_decimal_comma() {
     let folder = tempfile::tempdir().unwrap();
@@ -315,7 +315,7 @@ fn errors_name_the_line_of_the_file() {
     }
 }
 
-/// The tilt of a camera's frame does not turn with the body, and that of a mounting does.
+/// The tilt of a camera's frame does not turn with the body; the tilt of a mounting does.
 #[test]
 fn tilt_at_rest_that_may_be_of_the_frame_is_said() {
     let found = |yaw_deg: f64, tilt_deg: f64| {

@@ -70,7 +70,7 @@ fn name_of<T: PartialEq>(names: &[(&str, T)], value: &T) -> Option<String> {
     names.iter().find(|(_, named)| named == value).map(|(name, _)| (*name).to_owned())
 }
 
-/// Sets what has a name, if there is one.
+/// Sets a setting to the value of a name, if a name is given.
 fn set_named<T: Copy>(
     key: &'static str,
     setting: &mut T,
@@ -248,7 +248,7 @@ fn set_within<T: Into<f64> + Copy + Display + LowerExp + PartialOrd>(
     if range.contains(setting) { Ok(()) } else { Err(BoardSettingsError { key, value: number(*setting) }) }
 }
 
-/// Returns the axes of these names; `None` if one is no axis, or if two are the same.
+/// Returns the axes of these names; `None` if one is not an axis, or if two are the same.
 pub(crate) fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
     let [x, y, z] = names;
     let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);

@@ -1,8 +1,8 @@
 //! The line of a motor without encoder: how fast it turns at which duty.
 //!
-//! `biflag doctor --motors` measures some points of it, in both senses. A bridge whose motors are free between pulses bends it, so a
-//! curve leads through the points. Below the slowest one that turns, and beyond the last, it is straight: where a motor begins to
-//! turn is known between two duties only.
+//! `biflag doctor --motors` measures some of its points, in both senses. If the bridge lets the motors run freely between pulses,
+//! the line is curved, so a curve leads through the points. Below the slowest point that turns, and beyond the last one, it is
+//! straight: the duty at which a motor begins to turn is only known to lie between two measured ones.
 
 use super::BoardSettings;
 use miette::Diagnostic;
@@ -31,7 +31,7 @@ pub struct Line {
     pub forwards: Vec<LinePoint>,
     /// Turning backwards.
     pub backwards: Vec<LinePoint>,
-    /// Share by which the duties are larger now, as the supply has sagged.
+    /// Relative increase of all duties, because the supply has sagged since the measurement.
     #[serde(skip)]
     pub more: f64,
 }
@@ -48,7 +48,7 @@ pub struct Lines {
     pub motor: [Line; 2],
 }
 
-/// A speed that a motor does not keep.
+/// A speed outside the range of a motor's line.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("motor {motor} turns at {} to {} rpm by its line, and {wanted_rpm} are planned", .from_rpm.ceil(), .to_rpm.floor())]
 #[diagnostic(help(
@@ -62,19 +62,19 @@ pub struct OffTheLine {
     pub wanted_rpm: f64,
     /// The lowest speed in this sense; a slower motor may stand.
     pub from_rpm: f64,
-    /// The largest one.
+    /// The highest speed in this sense.
     pub to_rpm: f64,
     /// All speeds of motors 1 and 2.
     pub ranges: [String; 2],
 }
 
-/// The shares of its duty that a motor is followed to at once.
+/// Ratios of the wanted to the reached duty that one trial may correct.
 const MOST_SAG: RangeInclusive<f64> = 0.85..=1.15;
 
-/// The part of it that is followed: the rest may be a wander of the motor, which the next trial has not.
+/// Part of a deviation that is corrected: the rest may be a wander of the motor that the next trial does not have.
 const FOLLOWED: f64 = 0.5;
 
-/// Share of the lowest measured speed from which on a duty is told.
+/// Lowest speed with a duty, as a share of the lowest measured speed.
 const LOWEST: f64 = 0.8;
 
 impl Lines {
@@ -98,12 +98,13 @@ impl Lines {
         Ok(duties)
     }
 
-    /// Corrects the duties by the speeds at which motors turned that were to turn at `speeds`: those of a battery sag.
+    /// Corrects the duties for a sagging battery, from the speeds `turned_rpm` that the motors reached instead of `speeds`.
     pub fn follow(&mut self, speeds: [CentiRpm; 2], turned_rpm: [f64; 2]) {
         for (motor, line) in self.motor.iter_mut().enumerate() {
             let [wanted, turned] = [speeds[motor].rpm(), turned_rpm[motor]].map(|rpm| line.duty(rpm));
             let (Ok(wanted), Ok(turned)) = (wanted, turned) else { continue };
-            // The supply makes the voltage of a duty. A speed follows it by its own share, and a slow one by much of it.
+            // Duties are compared, because a sag reduces the voltages of all duties by one share, but slow speeds by more than
+            // fast ones.
             let share = wanted.round() / turned;
             if turned_rpm[motor] * speeds[motor].rpm() > 0.0 && MOST_SAG.contains(&share) {
                 line.more += (1.0 + line.more) * FOLLOWED * (share - 1.0);
@@ -122,7 +123,7 @@ impl Line {
     /// Returns the duty of a speed.
     ///
     /// # Errors
-    /// The slowest and the fastest speed that are told.
+    /// The slowest and the fastest speed with a duty.
     fn duty(&self, speed_rpm: f64) -> Result<f64, [f64; 2]> {
         let points = if speed_rpm < 0.0 { &self.backwards } else { &self.forwards };
         let wanted = speed_rpm.abs();
@@ -135,8 +136,8 @@ impl Line {
     }
 }
 
-/// Returns the duty of a speed on the curve through points: a cubic in each interval, whose slope at a point is the harmonic mean of
-/// those of the two chords there, so that the curve rises where the points do (Butland 1980).
+/// Returns the duty of a speed on the curve through points: a cubic in each interval. Its slope at a point is the harmonic mean
+/// of the slopes of both chords there, so that the curve rises where the points do (Butland 1980).
 fn curve(points: &[LinePoint], rpm: f64) -> f64 {
     let last = points.len() - 1;
     let at = points.partition_point(|point| point.speed_rpm < rpm).clamp(1, last);
@@ -153,7 +154,7 @@ fn curve(points: &[LinePoint], rpm: f64) -> f64 {
     straight + width(at) * part * (1.0 - part) * ((1.0 - part) * begin - part * end)
 }
 
-/// Returns the slowest and the fastest speed that points of one sense tell, rpm, with duties larger by a share.
+/// Returns the slowest and the fastest speed in one sense, rpm, with all duties larger by the share `more`.
 fn range_rpm(points: &[LinePoint], more: f64) -> [f64; 2] {
     let [.., before, last] = points else { return [0.0; 2] };
     let lowest = LOWEST * points.iter().map(|point| point.speed_rpm).find(|rpm| *rpm > 0.0).unwrap_or_default();

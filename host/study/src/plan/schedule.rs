@@ -147,7 +147,7 @@ impl Schedule {
         timed().map(move |event| (((event.start_s - first_s) * f64::from(TICK_HZ)).round() as u32, event))
     }
 
-    /// Returns the set-points to send to the board, with the duties of motors with these lines. Of two events in one tick, only the
+    /// Returns the set-points to send to the board, with duties if the motors have `lines`. Of two events in one tick, only the
     /// later is sent.
     ///
     /// # Errors

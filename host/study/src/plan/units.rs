@@ -4,14 +4,14 @@ use super::source::number;
 use sim::params::Robot;
 use toml::Table;
 
-/// Names of units, each with its size in the key's.
+/// Names of units, each with its size in the key's unit.
 type Units = &'static [(&'static str, f64)];
 
 const LENGTH: Units = &[("mm", 1e-3), ("cm", 1e-2)];
 
-/// Keys, the magnitudes that their values usually have, and units in which one may be written by mistake. A number outside is
-/// only doubted if it is inside in such a unit: the bounds of lengths are so near that those of a table-top robot are
-/// doubted in centimetres too.
+/// Keys, the usual range of their magnitudes, and units in which a value may be written by mistake. A number outside the range is
+/// doubted only if it is inside the range in such a unit. The ranges of lengths are narrow enough to doubt even the centimetres
+/// of a table-top robot.
 const ROWS: [(&str, [f64; 2], Units); 24] = [
     ("base.mass_kg", [2e-3, 5.0], &[("g", 1e-3)]),
     ("base.radius_m head.radius_m", [1e-3, 0.3], LENGTH),
@@ -31,7 +31,7 @@ const ROWS: [(&str, [f64; 2], Units); 24] = [
     ("head.centre_m", [5e-4, 0.5], LENGTH),
     ("tank.length_m tank.width_m tank.height_m tank.joint_m tank.joint_depth_m", [0.01, 5.0], LENGTH),
     ("joint.tether_full_nm_per_rad joint.tether_lumped_nm_per_rad", [1e-6, 0.05], &[("mN m/rad", 1e-3)]),
-    // Larger ones would hold the robot against its motors.
+    // Larger values would hold the robot against its motors.
     ("joint.viscous_nms", [1e-9, 5e-3], &[("mN m s", 1e-3)]),
     ("joint.coulomb_nm", [1e-9, 5e-3], &[("mN m", 1e-3)]),
     ("contact.tolerance_m", [1e-8, 1e-3], &[("mm", 1e-3), ("µm", 1e-6)]),
@@ -50,7 +50,7 @@ pub(super) fn doubts(text: &str) -> Vec<String> {
         let numbers = values.iter().map(|one| one.as_float().or_else(|| Some(one.as_integer()? as f64)));
         let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
         let is_usual = |value: f64| (least..=most).contains(&value.abs());
-        // Of coordinates and moments, the largest tells.
+        // Of several coordinates or moments, the largest is judged.
         let largest =
             numbers.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).filter(|value| !is_usual(*value))?;
         let fits = units.iter().filter(|(_, size)| is_usual(largest * size));
@@ -64,7 +64,7 @@ pub(super) fn doubts(text: &str) -> Vec<String> {
     keys.filter_map(doubt).collect()
 }
 
-/// Returns a sentence about the radius that would make an impossible robot possible if it were halved.
+/// Returns a sentence about the radius that makes an impossible robot possible if it is halved.
 pub(super) fn diameter(robot: &Robot) -> Option<String> {
     type Field = fn(&mut Robot) -> &mut f64;
     let radii: [(&str, Field); 3] = [

@@ -307,8 +307,8 @@ mod tests {
     use biflag_log::MeasuredSensorMeta;
     use protocol::units::SensorCounts;
 
-    /// Returns the force at rest that the preflight judges, and whether the tilt is small enough, of an upright board whose
-    /// accelerometer has an offset in counts, 16384 to 1 g.
+    /// Returns the force at rest that the preflight judges, and whether the tilt is small enough, for an upright board whose
+    /// accelerometer has an offset, counts of g/16384.
     fn judged(offset: [i16; 3], file: Option<&MeasuredSensor>) -> (f64, bool) {
         let folder = tempfile::tempdir().unwrap();
         let sensor = file.map(|file| MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() });

@@ -1,9 +1,9 @@
-//! Why a measurement of a sensor came to nothing.
+//! Why a measurement of a sensor failed.
 
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Why a measurement came to nothing, and what the operator does next.
+/// Why a measurement failed, and what the operator does next.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("{what}")]
 #[diagnostic(help("{cure}"))]

@@ -10,8 +10,8 @@ use sim::functions::powi;
 const ROOM_C: f64 = 5.0;
 
 impl MeasuredSensor {
-    /// Returns the specific force that this file finds in a mean reading, both in body axes, g; `None` if the offset of an axis
-    /// was not measured.
+    /// Returns the specific force of a mean reading, corrected by this file, both in body axes, g; `None` if the offset of an
+    /// axis was not measured.
     pub fn force_g(&self, reading_g: [f64; 3]) -> Option<[f64; 3]> {
         let known = self.known();
         let mut found_g = reading_g;
@@ -23,7 +23,7 @@ impl MeasuredSensor {
         Some(found_g)
     }
 
-    /// Returns the gravity, relative to the standard, that this file finds in a mean reading at rest, body axes, g; `None` if
+    /// Returns the gravity, relative to the standard, of a mean reading at rest (body axes, g), corrected by this file; `None` if
     /// scale or offset of an axis was not measured.
     pub fn gravity(&self, reading_g: [f64; 3]) -> Option<Estimate> {
         let found_g = self.force_g(reading_g)?;

@@ -142,7 +142,7 @@ impl Sensor {
     /// Returns the measured angle random walk about z, °/√s, and its degrees of freedom.
     pub fn angle_walk(&self) -> Option<(f64, f64)> {
         let Estimate { value, u } = self.angle_walk_z_deg_per_root_s.filter(|walk| walk.value > 0.0)?;
-        // A standard deviation with n degrees of freedom is known to 1/√(2 n) of itself.
+        // A standard deviation with n degrees of freedom has a relative uncertainty of 1/√(2 n).
         Some((value, 0.5 * powi(value / u, 2)))
     }
 

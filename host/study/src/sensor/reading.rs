@@ -14,7 +14,7 @@ pub struct RawReading {
     pub rate_dps: [f64; 3],
     /// Specific force, standard gravity.
     pub force_g: [f64; 3],
-    /// Temperature of the sensor, °C, by an MPU6050: for its changes.
+    /// Temperature of the sensor, °C, converted as an MPU6050's. Only its changes are used.
     pub temperature_c: f64,
 }
 

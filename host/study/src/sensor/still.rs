@@ -202,7 +202,7 @@ mod tests {
     use super::*;
     use crate::sensor::tests::Random;
 
-    /// Returns a rest with white noise of this density and a walk of the bias, warming by 0.01 K/s if `warms`.
+    /// Returns a rest with white noise of this density and a walk of the bias, warming by 0.01 K/s unless `kelvin_dps` is zero.
     fn watch(density: f64, walk: f64, seconds: f64, kelvin_dps: f64) -> StillWatch {
         let mut watch = StillWatch::new(seconds);
         let mut random = Random::new(11);

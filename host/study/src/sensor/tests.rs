@@ -1,4 +1,4 @@
-//! What the tests of the sensor share: a synthetic sensor in a hand, with known errors.
+//! A synthetic sensor in a hand, with known errors, for all tests of the sensor.
 
 use super::RawReading;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};

@@ -20,7 +20,7 @@ pub(crate) fn is_sweep(folder: &Path) -> bool {
     folder.join("sweep.toml").is_file()
 }
 
-/// Returns what to do with a folder that is no session.
+/// Returns what to do with a folder that is not a session.
 fn instead(folder: &Path) -> String {
     match Shipped::find(folder).filter(|file| !file.is_robot() && !folder.exists()) {
         Some(plan) => {

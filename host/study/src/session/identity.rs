@@ -1,9 +1,9 @@
 //! Identifies the trial of a log by its content, not by its file name.
 //!
-//! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if
-//! its plan, its robot, its origin (rig, emulated board, model) or its board differs from most logs', or if it is a copy of
-//! another log. A log with the name of another trial is used for the trial that it contains, with a finding; so is a log
-//! that is older than the session, unless its trial has another.
+//! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if its plan,
+//! its robot, its origin (rig, emulated board, model) or its board differs from most logs', or if it is a copy of another log. A
+//! log with the name of another trial is used for the trial that it contains, with a finding; so is a log that is older than the
+//! session, unless its trial has another log.
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// A log may be older than its session by this time: the computer's clock may have been set meanwhile.
+/// A log may be older than its session by at most this time, because the computer's clock may have been set meanwhile.
 const CLOCK_STEP: SignedDuration = SignedDuration::from_mins(10);
 
 /// The logs of a session by their content.
@@ -78,7 +78,7 @@ impl Known {
         self.board.as_ref().map(|board| board.board_id).filter(|id| *id != 0)
     }
 
-    /// Returns a key that no two logs share; `None` if it is not known.
+    /// Returns a key that only copies of one log share; `None` if it is not known.
     fn key(&self) -> Option<(String, String, u32, bool)> {
         let (identity, trial) = (self.identity.as_ref()?, self.trial.as_ref()?);
         Some((identity.created.clone(), trial.name.clone(), trial.attempt, self.is_recovered))
@@ -139,7 +139,7 @@ pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, Sessio
 /// Why a log is left out, and what to do about it.
 type Strange = Option<(String, &'static str)>;
 
-/// Returns which logs are none of the session's: of another plan, origin or board than the others, or copies.
+/// Returns the logs that do not belong to the session: of another plan, origin or board than the others, or copies.
 fn strange(
     session: &Session,
     logs: &[(&str, Known)],
@@ -258,7 +258,7 @@ impl Session {
     }
 }
 
-/// Returns that a log is older than its session, in words. The clock of a computer may have been behind.
+/// Describes a log that is older than its session. The computer's clock may have been behind.
 fn older(session: &Session, name: &str, known: &Known) -> Option<String> {
     let created = known.created()?;
     let begun = session.begun_after(created)?;

@@ -81,8 +81,8 @@ impl Session {
     }
 }
 
-/// Returns the log that a program writes into the session in `folder`, whose trials have these states: of those without a
-/// summary, the one that was written to last. The others are those of recordings that were killed.
+/// Returns the log that a program is writing into the session in `folder`, from the states of its trials: the last modified log
+/// without a summary. Other logs without a summary are of recordings that were killed.
 pub fn recorded<'a>(folder: &Path, states: impl Iterator<Item = &'a TrialState>) -> Option<PathBuf> {
     if !is_in_use(folder) {
         return None;

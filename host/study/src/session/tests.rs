@@ -105,8 +105,7 @@ fn trial_with_a_damaged_log_is_repeated() {
     assert!(log.exists());
 }
 
-/// A log that was copied while being written can still become complete; a copy of its beginning says nothing about its
-/// losses.
+/// A log that was copied while being written can still become complete; a copy of its beginning does not show its losses.
 #[test]
 fn complete_log_wins_over_a_copy_of_its_beginning() {
     let folder = tempfile::tempdir().unwrap();

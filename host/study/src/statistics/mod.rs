@@ -37,7 +37,7 @@ pub fn each_once<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
     found
 }
 
-/// Returns the two-sided probability of a ratio at least this large, of a difference to its standard uncertainty, by
+/// Returns the two-sided probability that the ratio of a difference to its standard uncertainty is at least this large, by
 /// Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
 pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {
     let freedom = degrees_of_freedom.clamp(1.0, MANY);
@@ -59,8 +59,8 @@ pub fn variance_ratio(probability: f64, degrees_of_freedom: f64, known_with: f64
     exp(0.5 * (low + high))
 }
 
-/// Returns the regularised incomplete beta function by its continued fraction (Abramowitz and Stegun 26.5.8), evaluated from
-/// the front (Lentz 1976).
+/// Returns the regularised incomplete beta function by its continued fraction (Abramowitz and Stegun 26.5.8), evaluated forwards
+/// (Lentz 1976).
 fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     /// The fraction converges in about the square root of the larger parameter.
     const MOST_TERMS: u32 = 10_000;
@@ -123,8 +123,8 @@ impl ExpectedRms {
     }
 }
 
-/// Returns which differences are not explained by chance, given the p-value of each. At most one in twenty of the
-/// returned differences is expected to be due to chance (Benjamini and Hochberg 1995).
+/// Returns whether each difference is beyond chance, given the p-values of all. At most one in twenty of those beyond chance is
+/// expected to be due to chance (Benjamini and Hochberg 1995).
 pub fn beyond_chance(p_values: &[f64]) -> Vec<bool> {
     let mut ascending: Vec<f64> = p_values.iter().copied().filter(|p| p.is_finite()).collect();
     ascending.sort_by(f64::total_cmp);

@@ -18,7 +18,7 @@
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | speed | 90 rpm | the board refuses more |
-//! | change of a speed | [`SLEW_RPM_S`] | the flagella wind up under a jump; the map is that of slow changes |
+//! | change of a speed | [`SLEW_RPM_S`] | the flagella wind up under a jump; the map holds for slow changes |
 //! | change of speed for a degree | [`STEEPEST_RPM`] | where the map is flat, its inverse asks for any speed |
 //!
 //! While a limit is active, the integral is frozen, so that it does not wind up.

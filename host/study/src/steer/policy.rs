@@ -247,7 +247,7 @@ mod tests {
         let output = std::mem::replace(&mut policy.lines, channel().1);
         drop(policy);
         assert!(begun.elapsed() < Duration::from_secs(10));
-        // It ends when nobody has it open any more.
+        // The output ends when no program has it open any more.
         assert_eq!(output.recv_timeout(Duration::from_secs(10)), Err(RecvTimeoutError::Disconnected));
     }
 }

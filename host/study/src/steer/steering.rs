@@ -84,7 +84,7 @@ impl Steering {
     }
 }
 
-/// Who gives the speeds.
+/// The source of the speeds.
 pub enum Pilot {
     /// The built-in controller, which answers at once.
     Controller(Box<Controller>),

@@ -87,8 +87,8 @@ impl Range {
     }
 }
 
-/// Rounds to twelve significant digits. The last digits of a power depend on the system's library, but a point's name
-/// must not.
+/// Rounds to twelve significant digits, which removes the rounding errors of the spacing. The names of the points depend on these
+/// digits.
 fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }

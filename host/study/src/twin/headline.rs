@@ -46,7 +46,7 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
     }
 }
 
-/// Returns the angle that differs by most degrees, and its trial: one beyond chance if there is one.
+/// Returns the angle with the largest difference, and its trial; only trials beyond chance, if there are any.
 fn worst(trials: &[Comparison]) -> Option<(&Comparison, &AngleComparison)> {
     let differing = |trial: &Comparison, angle: &str| trial.differences.iter().any(|found| found.angle == angle);
     let all = trials.iter().flat_map(|trial| trial.angles.iter().map(move |angle| (trial, angle)));
@@ -55,7 +55,7 @@ fn worst(trials: &[Comparison]) -> Option<(&Comparison, &AngleComparison)> {
     found.max_by(|a, b| a.1.error_deg.abs().total_cmp(&b.1.error_deg.abs()))
 }
 
-/// Says how the second side differs from the first in an angle.
+/// Describes how the second side differs from the first in an angle.
 fn apart(angle: &AngleComparison, sides: Sides) -> String {
     let verb = match angle.angle {
         "yaw" => "turns",

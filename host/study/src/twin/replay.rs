@@ -61,8 +61,8 @@ pub struct Replayed {
     pub needs_phase: Option<&'static str>,
 }
 
-/// How the helix angles of a trial can be found: by a fit to the trial, or by none, because not all of its angles were
-/// measured, with an uncertainty.
+/// Remedies for unknown helix angles: a fit to the trial, or its missing inputs, because a fit needs all angles with an
+/// uncertainty.
 const FIT: &str = "`biflag calibrate --fit phase` finds it";
 const STATE: &str =
     "a fit that finds it needs yaw, pitch and roll with an --uncertainty; or name a --robot with `phase_deg`";
@@ -78,12 +78,12 @@ pub struct Replays<T> {
     pub left_out: Vec<LogFinding>,
     /// Whether the user interrupted the replay.
     pub interrupted: bool,
-    /// A note about replays of another robot whose names these have taken.
+    /// A note about replays of another robot that these have replaced under the same names.
     pub replaced: Option<String>,
 }
 
 impl<T> Replays<T> {
-    /// Returns what the user should know of the replays.
+    /// Returns notes on the replays for the user.
     pub fn notes(&self) -> Vec<String> {
         self.replaced.iter().cloned().chain(self.note_on_phases()).collect()
     }

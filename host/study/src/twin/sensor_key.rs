@@ -46,7 +46,8 @@ impl SensorKey {
         Self { board_id, ..Self::default() }
     }
 
-    /// Returns what tells devices apart, whatever their measured errors. Boards without a number count as one.
+    /// Returns the part of the key that distinguishes devices, without their measured errors. Boards without a number count as
+    /// one.
     pub fn board(&self) -> (u16, Option<&[f64]>) {
         (self.board_id, self.emulated.as_deref())
     }

@@ -1,9 +1,9 @@
 //! Runs trials in the simulator, and writes the same logs as the rig.
 //!
-//! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so a killed run
-//! leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan, robot,
-//! options and program: trials share nothing that changes a result, and no log contains the host's clock (see
-//! [`biflag_log`]). The last digits may differ between processor types.
+//! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so a killed run leaves no
+//! incomplete log, and a resumed session computes the trial again. Its content depends only on plan, robot, options and program:
+//! trials share nothing that changes a result, and no log contains the host's clock (see [`biflag_log`]). Results have the same
+//! bits on every processor.
 
 mod batch;
 mod board;

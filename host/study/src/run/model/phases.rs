@@ -102,8 +102,8 @@ pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
     })
 }
 
-/// Returns why the steady state of some trials depends on the starting phase, and which of several trials do, in words;
-/// `None` if none does.
+/// Describes why the steady state of some trials depends on the starting phase, and which of several trials do; `None` if none
+/// does.
 fn depending(trials: &[Trial]) -> Option<(String, Option<String>)> {
     let speeds_rpm = trials.iter().map(|trial| trial.speeds.map(CentiRpm::rpm));
     let mut simple = speeds_rpm.filter_map(|rpm| Some((rpm, Ratio::of(rpm)?)));

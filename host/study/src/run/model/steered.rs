@@ -28,11 +28,11 @@ const REACH_S: f64 = 0.1;
 /// Why a steered trial in the model ends early.
 #[derive(Error, Diagnostic, Debug)]
 pub enum SteeredError {
-    /// The model.
+    /// The model failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Model(#[from] ModelError),
-    /// The pilot.
+    /// The pilot failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Steer(#[from] SteerError),

@@ -1,13 +1,12 @@
 //! Six poses, with each body axis up and down: they give the accelerometer's scale, offset and cross-axis terms, and
 //! the gyroscope's sensitivity to gravity.
 //!
-//! Let f_i(±j) be the mean force along axis i in the pose with ±j up. The scale of axis i is half the difference of
-//! f_i(+i) and f_i(-i), and its offset is half their sum. The effect of j on the reading of i is a_ij, half the
-//! difference of f_i(+j) and f_i(-j). The operator places the sensor by its edges, not exactly: a rotation of the
-//! sensor in the body appears in a_ij and a_ji with opposite signs, and so do asymmetric cross-axis terms. They cannot
-//! be distinguished, and need not be: the mounting is defined as the rotation that makes the cross-axis terms
-//! symmetric. The mean of a_ij and a_ji is the cross-axis term of both, and half their difference is the mounting.
-//! Turns measure the gyroscope's axes relative to these.
+//! Let f_i(±j) be the mean force along axis i in the pose with ±j up. The scale of axis i is half the difference of f_i(+i) and
+//! f_i(-i), and its offset is half their sum. The effect of j on the reading of i is a_ij, half the difference of f_i(+j) and
+//! f_i(-j). The operator places the sensor by its edges, not exactly: a rotation of the sensor in the body appears in a_ij and
+//! a_ji with opposite signs, and so do asymmetric cross-axis terms. The two cannot be distinguished, and need not be: the
+//! mounting is defined as the rotation that makes the cross-axis terms symmetric. The mean of a_ij and a_ji is the cross-axis
+//! term of both, and half their difference is the mounting. Turns measure the gyroscope's axes relative to these.
 //!
 //! The mean rates in the six poses fit w_i = b_i + Σ g_ij n_j + d_i (T - T0), where n is the direction of up and T the
 //! temperature: 18 values, 15 unknowns. A freshly powered sensor warms up during the minutes of its poses, and b_i

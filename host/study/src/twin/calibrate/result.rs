@@ -57,7 +57,8 @@ pub struct Calibration {
     pub cannot_tell: Vec<String>,
     /// Descriptions of residuals that the noise does not explain.
     pub misfits: Vec<String>,
-    /// What the fit minimises, before and after: the root mean square of all errors, each over its standard uncertainty.
+    /// The quantity that the fit minimises, before and after: the root mean square of all errors, each relative to its standard
+    /// uncertainty.
     #[serde(skip)]
     pub weighted: [f64; 2],
     /// Root mean square of all errors with the initial parameters.

@@ -57,7 +57,7 @@ pub struct Comparison {
     pub findings: Vec<LogFinding>,
     /// The kinds of the two trials.
     pub sides: Sides,
-    /// What the second one is called in findings: `replay` where it is that of the first, else its name of [`Sides::names`].
+    /// Name of the second trial in findings: `replay` if it is the replay of the first, otherwise its name in [`Sides::names`].
     #[serde(skip)]
     pub other: &'static str,
     /// Where both ran.

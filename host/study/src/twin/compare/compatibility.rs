@@ -28,7 +28,7 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     Ok(Maker::of(a)?.difference(&Maker::of(b)?))
 }
 
-/// What made the angles of a log or of a sweep.
+/// The robot and the closure behind the angles of a log or of a sweep.
 #[derive(Clone, Debug)]
 pub struct Maker {
     /// The robot.
@@ -38,7 +38,7 @@ pub struct Maker {
 }
 
 impl Maker {
-    /// Returns what made a log.
+    /// Returns the maker of a log's angles.
     ///
     /// # Errors
     /// [`TwinError::Robot`] if the robot's parameters in the log are invalid.

@@ -1,18 +1,20 @@
-//! Whether a measurement is like its model in another frame.
+//! Checks whether a measurement matches its model in another frame.
 
 use super::aligned::Aligned;
 use super::pair::Pair;
 use crate::swing::turned_deg;
 use crate::trial::labelled;
 
-/// Least error of the yaw that another sense explains (root mean square), degrees, and the largest share of it that is left.
+/// Smallest error of the yaw (root mean square) for which the opposite sense is tried, degrees, and the largest share of it that
+/// may be left.
 const LEAST_YAW_DEG: f64 = 10.0;
 const LEFT: f64 = 1.0 / 3.0;
 
-/// How near to a quarter or a half a turn of the frame is, degrees. Another stiffness of the flagella turns the swing by less.
+/// Largest difference of a frame's turn from a quarter or a half, degrees. Another stiffness of the flagella turns the swing by
+/// less.
 const NEAR_DEG: f64 = 25.0;
 
-/// Returns what explains a difference from the model, in words.
+/// Describes a frame that explains the difference from the model.
 pub(super) fn cause(pair: &Pair, aligned: &Aligned) -> Option<String> {
     let (measured, modelled) = (&pair.measured, &pair.modelled);
     if !modelled.data.is_model() || measured.data.is_model() {

@@ -9,7 +9,7 @@ use std::ops::Range;
 pub(super) struct Side<'a> {
     pub data: &'a Data,
     pub zeroed: &'a Zeroed,
-    /// Start of the run on the clock of the log, s. That of a steady state is before its log, which ends with the run.
+    /// Start of the run on the clock of the log, s. The run of a steady state starts before its log, and ends with the log.
     pub start_s: f64,
     pub steady: Steady,
     pub findings: Vec<LogFinding>,

@@ -16,10 +16,10 @@ pub(super) struct SteadyPair {
 }
 
 impl SteadyPair {
-    /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the
-    /// window is at the end of the shorter one. A model beside a measurement has the measurement's window, because its
-    /// own means over both motor angles would differ by part of a beat; of a steady state, only its own means are known.
-    /// The order of the trials does not matter.
+    /// Returns the steady angles of each trial, as every command reports them. For runs of different lengths, the window is at
+    /// the end of the shorter one. A model beside a measurement has the measurement's window, because its own means over both
+    /// motor angles would differ by part of a beat; a steady state has only its own means. The order of the trials does not
+    /// matter.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let is_same_kind = measured.data.is_model() == modelled.data.is_model();

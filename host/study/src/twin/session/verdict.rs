@@ -15,7 +15,7 @@ pub(super) fn verdict(trials: &[Comparison], angles: &[SessionAngle], chance: Op
         names if names.len() == ANGLES.len() => "the uncertainty".to_owned(),
         names => format!("the uncertainty of {}", listed(names)),
     };
-    // An angle that was measured may differ where another one was not.
+    // A measured angle may differ although another one was not measured.
     if unknown == trials.len() && trials.iter().all(Comparison::agrees) {
         return format!("{} is unknown in all of {all}", capitalised(&what));
     }
@@ -152,7 +152,7 @@ mod tests {
         let mut nothing = unknown.clone();
         (nothing.angles[1].uncertainty, nothing.angles[2].uncertainty) = (None, None);
         assert_eq!(said(&[nothing.clone(), nothing]), "The uncertainty is unknown in all of 2 trials");
-        // What differs is said, even if nothing is known of another angle.
+        // Differences are stated even if another angle is unknown.
         let mut apart = unknown.clone();
         apart.differences = vec![Difference { angle: "pitch", error_deg: 2.0, ..Difference::default() }];
         let apart = said(&[apart, unknown.clone()]);
