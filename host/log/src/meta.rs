@@ -27,7 +27,7 @@ pub enum Origin {
 }
 
 impl Origin {
-    /// Returns its name in tables and in JSON. Logs have other names for some, which older programs read.
+    /// Returns its name in tables and in JSON. Logs have other names for some origins, for older programs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rig => "rig",

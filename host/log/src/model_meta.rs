@@ -147,13 +147,13 @@ impl SteadyMeta {
         }
     }
 
-    /// Returns the time of its smallest gap, in words: a steady state that was solved for has no beginning.
+    /// Returns the time range of the smallest gap, in words: a steady state from a solver has only its averaged period.
     pub fn gap_of(&self) -> &'static str {
         if matches!(self.kind, None | Some(Kind::Overturned)) { "run" } else { "averaged period" }
     }
 
-    /// Returns the steady state that stands for those of several starting phases: settled if all are, with the closest
-    /// bundling state, the least steady kind, and no changes. There must be at least one.
+    /// Returns the steady state that represents those of several starting phases: settled if all are, with the closest bundling
+    /// state, the least steady kind, and no changes. There must be at least one.
     pub fn over_phases(phases: &[Self]) -> Self {
         Self {
             values: Values::over_phases(&phases.iter().map(|phase| phase.values.clone()).collect::<Vec<_>>()),

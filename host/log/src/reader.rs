@@ -156,7 +156,7 @@ impl Reader {
         })
     }
 
-    /// Restricts the messages to these channels. One of the others that cannot be decoded is a loss, too.
+    /// Restricts the messages to these channels. A message of another channel that cannot be decoded is still a loss.
     #[must_use]
     pub fn only(mut self, topics: Vec<&'static str>) -> Self {
         self.first = self.first.filter(|message| topics.contains(&message.topic.as_str()));
@@ -234,7 +234,7 @@ impl Reader {
             }
             Entry::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                // A type that was never declared is part of a loss before.
+                // A type that was never declared is part of an earlier loss.
                 if schema::channel(&channel.topic).is_some_and(|spec| !schema.is_empty() && spec.schema != schema) {
                     self.scanner.lose(self.scanner.offset, 0, "the type of a channel");
                 }
@@ -246,7 +246,7 @@ impl Reader {
                     None => (format!("channel {}", header.channel_id), ""),
                 };
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
-                // Damage is damage of the log, whoever reads which channels.
+                // Damage is damage of the log, whichever channels are read.
                 let body = Body::decode(&topic, schema, data).unwrap_or_else(|data| {
                     let bytes = data.len() as u64;
                     self.scanner.lose(self.scanner.offset, bytes, "a message that cannot be decoded");

@@ -1,4 +1,4 @@
-//! Suggests a file for a mistyped path, and a name for a mistyped one.
+//! Suggests a file for a mistyped path, and a name for a mistyped name.
 
 use std::path::{Path, PathBuf};
 

@@ -18,7 +18,7 @@ pub trait Meta: Serialize + DeserializeOwned + Default {
 
 const CRC: &str = "crc32";
 
-/// Keys of older logs: the record, the key, and that of today.
+/// Keys of older logs: the record, the old key, and the present key.
 const OLDER_KEYS: [(&str, &str, &str); 1] = [("steady", "newton_iterations", "sweeps")];
 
 /// Converts a record to text and adds its CRC.

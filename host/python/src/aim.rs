@@ -70,12 +70,12 @@ impl Answer {
         json::record(py, &self.aimed)
     }
 
-    /// Returns what was asked for.
+    /// Returns the target as text.
     fn target(&self) -> String {
         self.target.to_string()
     }
 
-    /// Writes a plan of the solutions, which must not exist. A robot that is in no file gets one beside it.
+    /// Writes a plan of the solutions, which must not exist. A robot without a file gets one beside the plan.
     fn save_plan(&self, path: PathBuf) -> Result<(), Failure> {
         if !self.aimed.reachable {
             return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));

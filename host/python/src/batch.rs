@@ -1,4 +1,4 @@
-//! Many trials side by side: their steady states as columns.
+//! Many trials in parallel: their steady states as columns.
 
 use crate::failure::Failure;
 use crate::interrupt::counted;
@@ -15,9 +15,10 @@ use sim::trial::quantity::{FLAGELLA, Shape, columns as quantities};
 use std::sync::atomic::{AtomicBool, Ordering};
 use study::run::model::{Model, Motion};
 
-/// Simulates trials at constant speeds, of one robot or of a robot a row, on `threads` threads, all cores if it is `None`, and returns columns by their
-/// names, and calls `progress` with the number of trials that are done and of all. With the method "steady" it solves for the states that they end in. A trial that the solver cannot end has NaN in
-/// its row, and the reason.
+/// Simulates trials at constant speeds, of one robot or of one robot per row, and returns columns by their names. It uses
+/// `threads` threads, or all cores if this is `None`, and calls `progress` with the numbers of finished trials and of all trials.
+/// The method "steady" solves for the final states of the trials. A trial that the solver cannot complete has NaN in its row, and
+/// the reason.
 #[pyfunction]
 #[pyo3(signature = (robots, speeds, duration, closure, method, rate_hz, phase_deg, threads, progress))]
 #[allow(clippy::too_many_arguments)]
@@ -43,7 +44,7 @@ pub fn simulate_batch<'py>(
         return Err(Failure::parameter("robot", reason).into());
     }
     let angles = phase_deg.map(f64::to_radians);
-    // What is wrong with the arguments is wrong for all trials.
+    // Wrong arguments are wrong for all trials.
     let profiles = pairs.iter().map(|rpm| speeds::constant(*rpm, duration, angles)).collect::<Result<Vec<_>, _>>()?;
     let one = |i: usize, stop: &AtomicBool| -> Result<SteadyMeta, Failure> {
         let goes_on = |_| !stop.load(Ordering::Relaxed);

@@ -32,13 +32,13 @@ const PARAMETER: &str = "ParameterError";
 const ERROR: &str = "Error";
 
 impl Failure {
-    /// Returns a wrong argument or parameter: `key` is its name, `reason` what is possible instead.
+    /// Returns the failure of a wrong argument or parameter: `key` is its name, `reason` states what is possible instead.
     pub fn parameter(key: &str, reason: impl Into<String>) -> Self {
         let reason = reason.into();
         Self { class: PARAMETER, text: format!("{key}: {reason}"), key: key.to_owned(), reason, help: String::new() }
     }
 
-    /// Returns something that failed: `key` is what is concerned.
+    /// Returns another failure: `key` names the part that failed.
     pub fn new(key: &str, reason: impl Into<String>) -> Self {
         Self { class: ERROR, ..Self::parameter(key, reason) }
     }
@@ -59,7 +59,7 @@ impl Failure {
         failure
     }
 
-    /// Returns a failure with its causes and its help. One that the command line calls wrong use is a wrong argument.
+    /// Returns a failure with its causes and its help. An error that counts as wrong use on the command line is a wrong argument.
     pub fn of(error: &dyn Diagnostic) -> Self {
         let text = with_causes(error).join(": ");
         let is_wrong_use = error.code().is_some_and(|code| code.to_string() == study::WRONG_USE);

@@ -20,8 +20,8 @@ pub struct Figure {
     svg: String,
 }
 
-/// Draws a figure for a paper, as `biflag figure` with the same subject and options. Each source is a path, what was read
-/// from one, or a simulated trial.
+/// Draws a figure for a paper, as `biflag figure` with the same subject and options. Each source is a path, an object read from a
+/// path, or a simulated trial.
 #[pyfunction(name = "figure")]
 #[pyo3(signature = (subject, *sources, width_mm=None, **options))]
 pub fn draw(
@@ -94,7 +94,7 @@ pub fn draw(
     Ok(Figure { svg: String::from_utf8_lossy(&svg).into_owned(), figure })
 }
 
-/// Returns the path of a source; a trial that has none is written into `folder`.
+/// Returns the path of a source; a trial without a path is written into `folder`.
 fn path_of(source: &Bound<'_, PyAny>, folder: &Path) -> PyResult<PathBuf> {
     if let Ok(trial) = source.getattr("_simulated") {
         std::fs::create_dir_all(folder)?;
@@ -113,12 +113,12 @@ fn get<'py, T: FromPyObjectOwned<'py>>(options: &Bound<'py, PyDict>, name: &str)
 
 #[pymethods]
 impl Figure {
-    /// Writes it as .svg, .pdf or .png.
+    /// Writes the figure as .svg, .pdf or .png.
     fn save(&self, path: PathBuf) -> Result<(), Failure> {
         self.figure.write(&path).map_err(|error| Failure::of_file(&path, &error))
     }
 
-    /// Returns it for a notebook, without the command line of the notebook.
+    /// Returns the figure for a notebook, without the command line of the notebook.
     fn _repr_svg_(&self) -> String {
         let cut = self.svg.split_once("<desc>").and_then(|(head, rest)| Some((head, rest.split_once("</desc>")?.1)));
         cut.map_or_else(|| self.svg.clone(), |(head, tail)| format!("{head}{tail}"))

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use study::import::{Conditions, State, States, write};
 use study::plan::board_speed;
 
-/// What the arrays do not say about their trial.
+/// The conditions of a trial that its arrays do not contain.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Known {

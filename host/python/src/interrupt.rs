@@ -1,4 +1,4 @@
-//! Work with the interpreter's lock released that Ctrl-C ends.
+//! Runs work that Ctrl-C can end, with the interpreter's lock released.
 
 use crate::failure::Failure;
 use crate::threads;
@@ -15,7 +15,7 @@ const SIGNALS: Duration = Duration::from_millis(50);
 /// is set, its result is dropped, and the exception of the signal is returned.
 ///
 /// # Errors
-/// The exception of a signal, or that of the work.
+/// The exception of a signal, or the error of the work.
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&AtomicBool) -> Result<T, Failure> + Send,
@@ -23,8 +23,8 @@ pub fn interruptible<T: Send>(
     counted(py, None, [0; 2], |stop, _| work(stop))
 }
 
-/// The same, and calls `progress` now and then with the number of points that are done, which `work` counts from `before`
-/// on, and of all. Its exception ends the work as a signal does.
+/// Like `interruptible`, and calls `progress` now and then with the number of finished points, which `work` counts from `before`
+/// on, and the number of all points. An exception of `progress` ends the work like a signal.
 pub fn counted<T: Send>(
     py: Python<'_>,
     progress: Option<Bound<'_, PyAny>>,

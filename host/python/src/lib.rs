@@ -1,4 +1,4 @@
-//! The Python module: a door to the simulator and to the content of logs.
+//! The Python module: the simulator and the content of logs for Python.
 //!
 //! The package `biflag` (`python/biflag`) has the classes that users see; this library computes for them, with the
 //! interpreter's lock released, and hands over numpy arrays. Arrays are not copied on their way to Python.
@@ -46,7 +46,7 @@ mod _biflag {
     use pyo3::prelude::*;
     use study::program::{GIT_HASH, VERSION};
 
-    /// Returns which of these endings the name of a file has.
+    /// Returns the index of the ending that the name of a file has.
     #[pyfunction]
     fn ending(path: std::path::PathBuf, endings: Vec<String>) -> Result<usize, crate::failure::Failure> {
         Ok(study::output::ending(&path, &endings)?)

@@ -20,13 +20,13 @@ use study::plan::RobotFile;
 use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{Judged, Repeat, Want, scatter_of_repeats};
 
-/// The most shapes of the flagella that are read: a quarter of an hour of them.
+/// Largest number of shapes of the flagella that are read: a quarter of an hour.
 const SHAPES: usize = 15_000;
 
-/// A notebook of some pages stays small with a tenth of the largest page for each.
+/// A page has a tenth of the largest size, so that a notebook of some pages stays small.
 const PAGES: usize = 10;
 
-/// Reads a log, even a damaged one, and returns what it holds as a dictionary.
+/// Reads a log, even a damaged one, and returns its content as a dictionary.
 #[pyfunction]
 pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let want = Want { forces: true, frames: true, shapes: SHAPES, hash: false };

@@ -7,8 +7,8 @@ use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use page::film::Picture;
 use pyo3::prelude::*;
 
-/// Draws a robot with yaw, pitch and roll in degrees, and with the centre lines of both flagella, body axes, m, shape
-/// (2, nodes, 3), or those at rest. Returns red, green and blue, shape (height, width, 3).
+/// Draws a robot with yaw, pitch and roll in degrees, and with the centre lines of both flagella, body axes, m, shape (2, nodes,
+/// 3), or with the lines at rest. Returns red, green and blue, shape (height, width, 3).
 #[pyfunction]
 pub fn picture<'py>(
     py: Python<'py>,

@@ -15,7 +15,7 @@ use toml::{Table, Value};
 #[pyclass(frozen, module = "biflag")]
 pub struct Robot {
     pub params: params::Robot,
-    /// Name of a built-in robot or a file, and its text, as logs keep it.
+    /// Name of a built-in robot or of a file, and its text, as stored in logs.
     pub file: RobotFile,
 }
 
@@ -24,7 +24,7 @@ impl Robot {
         Ok(Self { params: file.parse()?, file })
     }
 
-    /// Returns the robot of parameters that were computed.
+    /// Returns the robot with computed parameters.
     pub fn of_params(params: params::Robot, name: &str) -> Self {
         let text = to_toml(&params);
         Self { params, file: RobotFile { name: name.to_owned(), text } }
@@ -44,7 +44,7 @@ impl Robot {
         }
         Value::Table(table).try_into().map_err(|error: toml::de::Error| match changes {
             [(key, _)] => Failure::parameter(key, error.message().trim()),
-            // The first change that is wrong by itself is to blame.
+            // The error names the first change that is wrong by itself.
             changes => (changes.chunks(1).find_map(|one| self.with(one).err()))
                 .unwrap_or_else(|| Failure::parameter("changes", error.message().trim())),
         })
@@ -53,13 +53,13 @@ impl Robot {
 
 #[pymethods]
 impl Robot {
-    /// Returns the robot with the laboratory's choices, by which the published angles are met.
+    /// Returns the robot with the laboratory's choices, which reproduces the published angles.
     #[staticmethod]
     fn published() -> Result<Self, Failure> {
         Self::of_file(RobotFile::built_in(PUBLISHED))
     }
 
-    /// Returns the robot as it is in glycerin: the default.
+    /// Returns the robot in glycerin, the default.
     #[staticmethod]
     fn physical() -> Result<Self, Failure> {
         Self::of_file(RobotFile::built_in(PHYSICAL))
@@ -92,7 +92,7 @@ impl Robot {
         Ok(Self { params, file: RobotFile { name, text } })
     }
 
-    /// Returns every parameter as the text of a robot file, with what is known of those that were fitted.
+    /// Returns every parameter as the text of a robot file, with the uncertainties of fitted parameters.
     fn to_toml(&self) -> Result<String, Failure> {
         self.text_of(&self.params)
     }
@@ -150,7 +150,7 @@ impl Robot {
         Ok((rebuild, (self.file.name.as_str(), text).into_pyobject(py)?))
     }
 
-    /// Returns the robot of a name and a text, as logs keep it.
+    /// Returns the robot of a name and a text, as stored in logs.
     #[staticmethod]
     fn _of_file(name: String, text: String) -> Result<Self, Failure> {
         Self::of_file(RobotFile { name, text })
@@ -180,7 +180,8 @@ fn put(table: &mut Table, key: &str, value: Option<Value>) -> Result<(), Failure
     Ok(())
 }
 
-/// Returns the value for a robot file. The model has integers, so that a float in place of one is refused by its reader.
+/// Returns the value for a robot file. Integers and floats are distinct, because the reader of the robot file refuses a float in
+/// place of an integer.
 fn value_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     let each = |value: &Bound<'_, PyAny>| value_of(key, value);
     Ok(Some(if value.is_none() {

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use study::plan::{BoardSettings, Phases, Plan, Trial};
 use study::run::model::{Model, Motion, write_log};
 
-/// A trial that was computed, or the last period or window of the motion that it ends in.
+/// A computed trial, or the last period or window of its final motion.
 #[pyclass(frozen, module = "biflag._biflag")]
 pub struct Simulated {
     robot: Py<Robot>,
@@ -74,7 +74,7 @@ pub fn simulate(
     Ok(Simulated { robot, model, rpm, phase_deg, run_s, samples, steady })
 }
 
-/// Returns the model of a robot, with a board that nothing is asked of.
+/// Returns the model of a robot, with a board whose settings do not matter.
 pub fn model(robot: &sim::params::Robot, closure: Closure, method: Method, options: Options) -> Model {
     Model::new(robot.clone(), Settings::DEFAULT, closure, method, options)
 }

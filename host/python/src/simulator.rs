@@ -25,7 +25,7 @@ const LONGEST_STEP_S: f64 = 60.0;
 /// Longest time with linear speeds while the motors of a rig start, s.
 const PIECE_S: f64 = 0.1;
 
-/// What stands between the speeds of a step and the shafts on a rig: the delay, and motors that follow angles.
+/// The dynamics between the speeds of a step and the shafts on a rig: a delay, and motors that follow angles.
 #[derive(Serialize, Deserialize, Clone, Copy, Default)]
 struct Rig {
     motors: Motors,
@@ -33,17 +33,17 @@ struct Rig {
     target: [f64; 2],
 }
 
-/// One robot in its fluid, at a time.
+/// The state of one robot in its fluid.
 #[derive(Clone)]
 struct Simulator {
-    /// Those of a rig; `None` for ideal motors.
+    /// The dynamics of a rig; `None` for ideal motors.
     rig: Option<Rig>,
     trial: Trial,
-    /// The speeds that the trial has had, which [`Trial`] does not give out.
+    /// The speeds of the trial so far, which [`Trial`] does not return.
     profile: SpeedProfile,
     /// Motors' angles at time 0, rad.
     start_rad: [f64; 2],
-    /// Measures distances, and begins trials anew with the inverses that it has kept.
+    /// Measures distances, and restarts trials with its stored inverses.
     solver: Solver,
 }
 
@@ -113,7 +113,7 @@ impl Simulator {
         }
     }
 
-    /// Returns what a simulator must have in common with another one to go on with its states.
+    /// Returns the properties that another simulator must share to continue from the states of this one.
     fn made_with(&self) -> String {
         let model = self.solver.model();
         format!("{:?}, {}, {}", model.closure, self.rig.is_some(), to_toml(&model.robot))
@@ -144,7 +144,7 @@ impl Simulator {
 pub struct Simulators {
     robot: Py<Robot>,
     simulators: Vec<Simulator>,
-    /// The process in which the threads were made, and they.
+    /// The threads, with the process that started them.
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
@@ -177,8 +177,8 @@ impl Simulators {
         Ok(py.detach(|| simulator.reset(phase_deg.map(f64::to_radians)))?)
     }
 
-    /// Advances every robot by `dt` seconds with its row of speeds (rpm). Returns yaw, pitch, roll and rates of each, and why
-    /// the solver failed, empty where it did not.
+    /// Advances every robot by `dt` seconds with its row of speeds (rpm). Returns yaw, pitch, roll and rates of each, and the
+    /// reason if the solver failed, otherwise empty.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -201,7 +201,7 @@ impl Simulators {
         if let Some((process, pool)) = pool
             && *process != id()
         {
-            // Threads that a fork has left out cannot be told to end.
+            // Threads that do not exist after a fork cannot be ended.
             let new = threads::pool(Some(pool.current_num_threads()))?;
             std::mem::forget(std::mem::replace(pool, new));
             *process = id();
@@ -266,7 +266,8 @@ impl Simulators {
         Ok(PyBytes::new(py, &saved))
     }
 
-    /// Puts a robot back to what [`Self::save`] returned for a robot of the same parameters; it goes on bit for bit.
+    /// Restores the state that [`Self::save`] returned for a robot with the same parameters. Later steps are the same bit for
+    /// bit.
     fn restore(&mut self, index: usize, saved: &[u8]) -> PyResult<()> {
         let saved = serde_json::from_slice(saved)
             .map_err(|error| Failure::parameter("saved", format!("is not a state that `save` returned: {error}")))?;

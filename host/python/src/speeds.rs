@@ -15,7 +15,7 @@ const LONGEST_S: f64 = 1e6;
 /// Returns the profile of the motors from time 0 on, which start at `angles_rad`, and the speeds (rpm) if they are constant.
 ///
 /// # Errors
-/// [`Failure`] for speeds or a duration that make none, and any exception of a function.
+/// [`Failure`] for impossible speeds or an impossible duration, and any exception of a function.
 pub fn profile(
     speeds: &Bound<'_, PyAny>,
     duration_s: Option<f64>,
@@ -94,7 +94,7 @@ pub fn check_speeds(speeds: &Bound<'_, PyAny>) -> PyResult<()> {
     pairs(speeds).map(drop)
 }
 
-/// Refuses what a plan refuses. A speed between those that the board knows is none of its own, but may be one of the model.
+/// Refuses what a plan refuses, except speeds between the steps of the board, which are possible in the model.
 fn check(rpm: impl IntoIterator<Item = [f64; 2]>) -> Result<(), Failure> {
     let one = |rpm: f64| board_speed((rpm * 100.0).round() / 100.0).map(drop);
     let mut all = rpm.into_iter().flatten();

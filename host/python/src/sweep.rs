@@ -12,12 +12,12 @@ use study::export::table::Table;
 use study::plan::{PlanError, robot};
 use study::sweep::{Folder, Merged, Missing, Record, Shard, SweepPlan, read_table};
 
-/// The columns of a table, what they hold, and warnings for the user.
+/// The columns of a table, their descriptions, and warnings for the user.
 type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);
 
-/// Computes the points of a plan that a folder does not have yet, writes the table of all there, and returns it. `plan`: the text
-/// of a plan if it has several lines, or else its path or its name inside the program; `progress` is called with the number
-/// of points that are done and of all.
+/// Computes the points of a plan that a folder does not have yet, writes the table of all points there, and returns it. `plan`:
+/// the text of a plan if it has several lines, or else its path or its name inside the program; `progress` is called with the
+/// numbers of finished points and of all points.
 #[pyfunction]
 #[pyo3(signature = (plan, out, threads, progress))]
 pub fn sweep<'py>(
@@ -74,7 +74,7 @@ fn of_folder(folder: &Folder) -> Result<(Table, Vec<String>), Failure> {
     Ok((table, warnings(folder, &merged)))
 }
 
-/// Returns what the rows do not say by themselves.
+/// Returns warnings about points that are missing or have different results.
 fn warnings(folder: &Folder, merged: &Merged) -> Vec<String> {
     let (points, Merged { done, different, .. }) = (folder.sweep.plan.points(), merged);
     let folder = folder.path.display();

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use study::export::table::{Table, Values};
 
-/// Names of columns, and what they hold.
+/// Names and descriptions of columns.
 pub type About = Vec<(String, String)>;
 
 /// Returns the columns of a table by their names.
@@ -26,7 +26,7 @@ pub fn columns<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDic
     Ok(dict)
 }
 
-/// Returns what the columns of a table hold.
+/// Returns the names and descriptions of a table's columns.
 pub fn about(table: &Table) -> About {
     table.columns.iter().map(|column| (column.name.to_string(), column.about.to_string())).collect()
 }

@@ -8,8 +8,8 @@ use std::thread::available_parallelism;
 /// The process that has imported the module.
 pub static IMPORTED_IN: LazyLock<u32> = LazyLock::new(id);
 
-/// Runs work with threads that exist: a process that was forked off the one that has imported the module has none of those
-/// that all work shares, and would wait for them for ever.
+/// Runs work on threads that exist: a process forked from the one that imported the module lacks the shared threads, and would
+/// wait for them for ever.
 pub fn run<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send) -> Result<T, Failure> {
     if *IMPORTED_IN == id() { work() } else { pool(None)?.install(work) }
 }

@@ -18,7 +18,7 @@ use study::trial::{Judged, Want};
 use study::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source};
 
-/// Compares the trials of a log or session with their replays in the model, or with those of another session. Returns the
+/// Compares the trials of a log or session with their replays in the model, or with the trials of another session. Returns the
 /// comparison and, by the names of the trials, both attitudes over time.
 #[pyfunction]
 #[pyo3(signature = (measured, modelled, robot, closure, anyway, jobs))]

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 /// A program and all that it starts in turn.
 ///
-/// Ctrl-C on the terminal does not reach it. It must end by itself with its standard input, which this program holds: so it
-/// also ends if this program is killed.
+/// Ctrl-C on the terminal does not reach it. It must end by itself when its standard input ends. This program holds that input,
+/// so the other one also ends if this program is killed.
 #[derive(Debug)]
 pub struct Family {
     /// The program.
@@ -27,7 +27,7 @@ impl Family {
         Ok(Self { child, group })
     }
 
-    /// Waits for the program to exit; returns `None` if it has not by then.
+    /// Waits for the program to exit; returns `None` if it has not exited within `longest`.
     pub fn wait(&mut self, longest: Duration) -> Option<ExitStatus> {
         let begun = Instant::now();
         loop {

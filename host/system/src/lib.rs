@@ -1,5 +1,5 @@
-//! What the operating system gives, beyond the standard library. No other crate asks it, so that another system is another
-//! body of these functions. Linux and Windows have all of them.
+//! The functions of the operating system beyond the standard library. No other crate calls it, so support for another system
+//! means other bodies of these functions. Linux and Windows have all of them.
 //!
 //! | module | answers | on other systems of POSIX |
 //! | --- | --- | --- |
@@ -28,7 +28,7 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    /// The emulated board and the tests are Linux's own; `features` has no code.
+    /// The emulated board and the tests run on Linux only; `features` has no code.
     const MAY_ASK: [&str; 4] = ["host/system", "host/features", "sim/virtual-nano", "tests"];
 
     const LIBRARIES: [&str; 6] = ["libc", "nix", "rustix", "signal-hook", "winapi", "windows"];

@@ -20,12 +20,12 @@ const MEDDLERS: [(&str, &str, &str); 2] = [
 /// Whether they are looked for on this system.
 pub const ARE_LOOKED_FOR: bool = cfg!(target_os = "linux");
 
-/// Returns what each that runs does to a board, and how to end that.
+/// Returns what each of the running ones does to a board, and how to end that.
 pub fn running() -> Vec<(&'static str, &'static str)> {
     among(Path::new("/proc"))
 }
 
-/// Returns those among the processes under `proc`.
+/// Returns the same for the processes under `proc`.
 fn among(proc: &Path) -> Vec<(&'static str, &'static str)> {
     let names: Vec<String> = (fs::read_dir(proc).into_iter().flatten().flatten())
         .filter_map(|process| fs::read_to_string(process.path().join("comm")).ok())

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// The exit code of a program that the user has interrupted.
 pub const INTERRUPTED: u8 = 130;
 
-/// A Ctrl-C that follows another one sooner is the same: wrappers pass on the signal that the terminal has sent already.
+/// Two signals closer than this are one Ctrl-C: wrappers pass on the signal that the terminal has already sent.
 const SAME: Duration = Duration::from_millis(500);
 
 /// Longest wait for the last words: the terminal may hang as well.

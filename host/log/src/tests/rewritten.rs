@@ -192,7 +192,7 @@ fn message_that_cannot_be_decoded_damages_the_log() {
     assert_eq!(check_by_reading(&path), (Condition::Damaged, 1));
 }
 
-/// A log is damaged whichever channels are read, and whichever of its channels it is.
+/// Such a message damages the log on any channel, whichever channels are read.
 #[test]
 fn message_of_each_channel_that_cannot_be_decoded_damages_the_log() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,7 +215,7 @@ fn message_of_each_channel_that_cannot_be_decoded_damages_the_log() {
     assert_eq!(with(900), 0, "a channel of another program");
 }
 
-/// A known channel of another type cannot be read, and is not passed over.
+/// A known channel of another type cannot be read, and counts as damage.
 #[test]
 fn channel_of_another_type_damages_the_log() {
     let folder = tempfile::tempdir().unwrap();

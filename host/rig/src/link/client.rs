@@ -34,7 +34,7 @@ impl fmt::Debug for Link {
     }
 }
 
-/// Who serves the line.
+/// The server of the line.
 enum Server {
     /// A thread.
     Thread {
@@ -294,7 +294,7 @@ impl Drop for Link {
         // The thread stops the motors when the channel of requests closes.
         match &mut self.server {
             Server::Thread { thread, .. } => {
-                // The thread stops the motors when nobody can ask anything of it.
+                // A closed channel of requests makes the thread stop the motors.
                 (self.requests, _) = channel();
                 if let Some(thread) = thread.take() {
                     let _ = thread.join();

@@ -12,8 +12,8 @@ use system::port;
 /// Longest wait for a byte, and so the longest delay of a request.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
-/// Boards with USB ids of their own, and whether they have the chip of the firmware (`boards.txt` of Arduino's cores avr and megaavr).
-/// Other boards, such as a Nano, have those of their converter.
+/// Boards with USB ids of their own, and whether they have the chip of the firmware (`boards.txt` of Arduino's cores avr and
+/// megaavr). Other boards, such as a Nano, have the ids of their converter.
 const ARDUINOS: [(u16, u16, &str, bool); 5] = [
     (0x2341, 0x0043, "Uno R3", true),
     (0x2A03, 0x0043, "Uno R3", true),
@@ -27,7 +27,7 @@ fn listed() -> Vec<SerialPortInfo> {
     if port::are_listed() { serialport::available_ports().unwrap_or_default() } else { Vec::new() }
 }
 
-/// Returns the name of the Arduino on a port, if its USB ids tell it, and whether it has the chip of the firmware.
+/// Returns the name of the Arduino on a port, if its USB ids show it, and whether it has the chip of the firmware.
 pub fn arduino(path: &str) -> Option<(&'static str, bool)> {
     match listed().into_iter().find(|port| port.port_name == path)?.port_type {
         SerialPortType::UsbPort(usb) => named(usb.vid, usb.pid),
@@ -45,7 +45,7 @@ pub fn robots() -> Vec<String> {
     let mut names: Vec<String> = listed()
         .into_iter()
         .filter(|port| usb(port) || port.port_name.contains("ttyUSB") || port.port_name.contains("ttyACM"))
-        // A Mac's other name of a port, whose opening waits for a carrier.
+        // A Mac's second name of a port. Opening it would wait for a carrier.
         .filter(|port| !port.port_name.starts_with("/dev/tty."))
         .map(|port| port.port_name)
         .collect();
@@ -106,7 +106,7 @@ impl Port {
         probe(path)?;
         let port = serialport::new(path, protocol::BAUD)
             .timeout(READ_TIMEOUT)
-            // It resets the board. Linux does so by itself, and a pseudo-terminal has no such line.
+            // DTR resets the board. Linux sets it by itself, and a pseudo-terminal has no DTR.
             .dtr_on_open(true)
             .open()
             .map_err(|error| classify(path, error.into()))?;

@@ -88,7 +88,7 @@ const BUSY: Duration = Duration::from_secs(3);
 /// terminal that blocks the program's output does.
 const HANG_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What a link speaks through.
+/// The line through which a link speaks.
 pub(super) trait Line {
     /// Waits a moment for bytes, and returns those that have arrived.
     fn read(&mut self) -> Result<Vec<u8>, Disconnected>;
@@ -109,8 +109,8 @@ pub(super) struct Worker<L: Line> {
     requests: Receiver<PendingRequest>,
     waiting: VecDeque<PendingRequest>,
     events: Sender<Received>,
-    /// Time of the program's last heartbeat; `None` if the board's time waits for this program: it needs no pings, and is never
-    /// silent.
+    /// Time of the program's last heartbeat; `None` if the board's time waits for this program: such a board needs no pings, and
+    /// is never silent.
     alive: Option<Arc<Mutex<Instant>>>,
     accumulator: Accumulator,
     in_flight: Option<InFlight>,
@@ -170,7 +170,7 @@ impl<L: Line> Worker<L> {
         }
     }
 
-    /// The same for an emulated board, whose time stops without signs of life.
+    /// Returns the worker of a line to an emulated board, whose time stops without signs of life.
     pub(super) fn with_signs(self) -> Self {
         Self { next_sign: Some(Duration::ZERO), ..self }
     }

@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 use study::secret::secret;
 use tiny_http::{Header, Method, Request, Response, Server};
 
-/// A page counts as open if it has requested updates within this time. Pages do so four times a second; on a busy computer
-/// seconds may lie between, and whoever stops the motors on a page must see that they are off.
+/// A page counts as open if it has requested updates within this time. Pages do so four times a second. On a busy computer,
+/// seconds may pass between two requests, and a user who stops the motors on a page must see that they are off.
 const ASKS_WITHIN: Duration = Duration::from_secs(10);
 
 /// The longest note that a page may send, bytes.

@@ -14,8 +14,8 @@ use thiserror::Error;
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
 const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
 
-/// The chip of the image, and one that also runs it: what the firmware uses has the same registers. Each with avrdude's name
-/// and its signature (data sheets, section "Signature Bytes").
+/// The chip of the image, and one that also runs it, because it has the same registers where the firmware uses them. Each with
+/// avrdude's name and its signature (data sheets, section "Signature Bytes").
 const CHIPS: [(&str, u32); 2] = [("m328p", 0x1E_950F), ("m328pb", 0x1E_9516)];
 
 /// Limits the wait at a wrong speed to 15 s instead of 60 s; avrdude before 7.0 does not support it.
@@ -61,7 +61,7 @@ pub enum FlashError {
     Interrupted { port: String, baud: u32, said: String },
 }
 
-/// Returns a chip that is not the image's in words, and what helps.
+/// Returns the description of a chip that is not the image's, and the remedy.
 fn named(signature: u32) -> (String, &'static str) {
     match signature {
         0x1E_9516 => {
@@ -262,7 +262,7 @@ mod tests {
         assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
     }
 
-    /// A chip that also runs the image is written as itself, and others are named. Both formats of avrdude.
+    /// A chip that also runs the image is written under its own name, and other chips are named. Both formats of avrdude.
     #[test]
     fn another_chip_is_written_or_named() {
         let says = |signature: &str| format!("echo 'avrdude: device signature = {signature}' >&2; exit 1");

@@ -53,7 +53,7 @@ pub enum RecordError {
     #[error("{gap_s:.1} s of readings are missing")]
     #[diagnostic(help("check the cable and close programs that load the computer, then start again"))]
     Gap { gap_s: f64 },
-    /// The swing of the robot does not tell the speed of a motor.
+    /// The swing of the robot does not show the speed of a motor.
     #[error("the robot does not swing as with motor {motor} alone at a duty of {duty} of 255: {reason}")]
     #[diagnostic(help(
         "is the robot in its liquid, with both flagella on it? See that flagellum {motor} turns at each step; if it does not, check \
@@ -67,11 +67,11 @@ pub enum RecordError {
          again with `biflag doctor --motors`; then continue with --resume"
     ))]
     Standing(usize),
-    /// A motor does not keep a speed of the trial.
+    /// A speed of the trial is outside the range of a motor's line.
     #[error(transparent)]
     #[diagnostic(transparent)]
     OffTheLine(#[from] OffTheLine),
-    /// The lines of the motors are those of another wiring.
+    /// The lines of the motors were measured with another wiring.
     #[error("the lines of the motors were measured with another bridge or other senses: {0}")]
     #[diagnostic(help("measure them again, with the robot in its liquid, by `biflag doctor --motors`"))]
     OtherLines(String),

@@ -15,7 +15,7 @@ const MARKER: &[u8] = b"biflag-firmware:";
 /// Marker in the image, followed by the hash of its sources.
 const SOURCES_MARKER: &[u8] = b"biflag-sources:";
 
-/// What builds the image, in the repository, and prints the hash of its sources.
+/// The script in the repository that builds the image and prints the hash of its sources.
 const SCRIPT: &str = "firmware/build.sh";
 
 /// A firmware image.
@@ -118,7 +118,7 @@ fn script(repository: &Path, arguments: &[&str]) -> Result<String, ImageError> {
     Ok(stdout.lines().last().unwrap_or_default().trim().to_owned())
 }
 
-/// Returns so many bytes after a marker.
+/// Returns `length` bytes after a marker.
 fn after<'a>(bytes: &'a [u8], marker: &[u8], length: usize) -> Option<&'a [u8]> {
     let start = bytes.windows(marker.len()).position(|window| window == marker)? + marker.len();
     bytes.get(start..start + length)
@@ -164,7 +164,7 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         };
-        // Its end stands for the build.
+        // The script exits where it would build.
         file(SCRIPT, &include_str!("../../../../firmware/build.sh").replace("# True if", "exit 3\n# True if"));
         let sources = ["firmware/src/main.rs", "protocol/Cargo.toml", "Cargo.toml", "Cargo.lock"];
         sources.iter().for_each(|name| file(name, "old"));

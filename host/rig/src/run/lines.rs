@@ -1,5 +1,5 @@
-//! Measures the lines of motors without encoders: each motor turns alone at some duties in both senses, and the swing of the robot
-//! says how fast.
+//! Measures the lines of motors without encoders: each motor turns alone at some duties in both senses, and the swing of the
+//! robot shows its speed.
 
 use super::error::RecordError;
 use super::{schedule, stream};
@@ -11,18 +11,19 @@ use study::attitude::{Columns, Unwrap, rotation};
 use study::plan::line::{Line, LinePoint, Lines};
 use study::swing::{NO_LINE, speed_alone};
 
-/// Duties at first.
+/// The first duties.
 const DUTIES: [u8; 5] = [60, 75, 95, 130, 200];
-/// How many of them come first: a motor that stands at all of them is not tried at the last, which its winding would not bear.
+/// Number of these duties that are tried together first. A motor that stands at all of them is not driven at the last one, which
+/// would overheat its winding.
 const SAFE: usize = 4;
 
-/// How often the lowest duty at which a motor turns is then halved towards the highest one at which it stands, because the line is
-/// steep where it begins: at least, and at most where it still turns faster than this there, rpm.
+/// Bisections between the highest duty at which a motor stands and the lowest one at which it turns, because the line is steep at
+/// its start: their least number, and the largest one, while the slowest measured speed is above a limit, rpm.
 const HALVINGS: u32 = 2;
 const MOST_HALVINGS: u32 = 5;
 const SLOW_RPM: f64 = 12.0;
 
-/// How often a duty is tried again whose motion is no swing.
+/// Number of further attempts at a duty if the motion is not a swing.
 const MORE_ATTEMPTS: usize = 2;
 
 /// Time until the motion at a duty has settled, and the time that is measured, s.
@@ -32,10 +33,11 @@ const MEASURED_S: u32 = 13;
 /// Time for the request that starts a schedule, µs.
 const LEAD_US: u32 = 200_000;
 
-/// Speed at full duty by which set-points state speeds, rpm. The board takes the sense from them and reports them; it applies the duty.
+/// Nominal speed at full duty for the speeds in set-points, rpm. The board uses only their sense, reports them, and applies the
+/// duty.
 const AT_FULL_RPM: f64 = 130.0;
 
-/// The lines of a board, and the motors whose positive duty turns them clockwise, so that their leads are reversed.
+/// The lines of a board, and the motors with reversed leads, which a positive duty turns clockwise.
 #[derive(Clone, PartialEq, Debug)]
 pub struct MeasuredLines {
     /// The lines, in the right senses.
@@ -45,7 +47,7 @@ pub struct MeasuredLines {
 }
 
 impl MeasuredLines {
-    /// Returns settings by which a positive speed turns each motor forwards.
+    /// Returns settings with which a positive speed turns each motor forwards.
     pub fn corrected(&self, mut settings: Settings) -> Settings {
         for (reversed, turns_back) in settings.motor_reversed.iter_mut().zip(self.turns_back) {
             *reversed ^= turns_back;
@@ -57,7 +59,7 @@ impl MeasuredLines {
 /// Measures the lines of both motors; `progress` receives a description of each step before it starts.
 ///
 /// # Errors
-/// [`RecordError`]: [`RecordError::NoSwing`] if the swing does not tell a speed.
+/// [`RecordError`]: [`RecordError::NoSwing`] if the swing does not show a speed.
 pub fn measure(
     link: &Link,
     interrupted: &AtomicBool,
@@ -89,7 +91,7 @@ pub fn measure(
     })
 }
 
-/// A motor that turns alone in a sense.
+/// A motor that turns alone in one sense.
 struct Half<'a> {
     link: &'a Link,
     interrupted: &'a AtomicBool,
@@ -98,7 +100,8 @@ struct Half<'a> {
 }
 
 impl Half<'_> {
-    /// Returns duties and the speeds at them (rpm) in ascending order, from the highest duty at which it stands on; and the supply, V.
+    /// Returns duties and their speeds (rpm) in ascending order, starting with the highest duty at which the motor stands; and
+    /// the supply, V.
     fn measure(&self) -> Result<(Vec<(u8, f64)>, f64), RecordError> {
         let mut stands = 0;
         let mut points: Vec<(u8, f64)> = Vec::new();
@@ -109,7 +112,7 @@ impl Half<'_> {
             for (number, &duty) in (1..).zip(duties) {
                 match self.told(&frames, number, duty) {
                     Ok(Some(rpm)) => points.push((duty, rpm)),
-                    // Where a motor hardly turns, it sticks now and then, and what is left of the motion before looks like no
+                    // A motor that hardly turns sticks now and then, and the rest of the earlier motion does not look like a
                     // swing.
                     Ok(None) | Err(RecordError::NoSwing { .. }) if points.is_empty() => stands = duty,
                     Ok(None) => return Err(self.no_swing(duty, "it stands, though it turns at a lower duty")),
@@ -142,7 +145,8 @@ impl Half<'_> {
         Ok((points, supply_v))
     }
 
-    /// Returns the speed in a phase of these frames, as [`Self::speed`]. A motor may wander too much to be told: it is tried again.
+    /// Returns the speed in a phase of these frames, as [`Self::speed`]. If the motor wanders too much for a measurement, it is
+    /// tried again.
     fn told(&self, frames: &[Telemetry], phase: u8, duty: u8) -> Result<Option<f64>, RecordError> {
         let mut told = self.speed(frames, phase, duty);
         for _ in 0..MORE_ATTEMPTS {
@@ -178,7 +182,7 @@ impl Half<'_> {
             let frame = stream::next_frame(self.link, self.interrupted)?;
             match frame.phase {
                 _ if frame.fault != Fault::None => return Err(RecordError::Faulted(frame.fault)),
-                // Until it begins, the board reports the last phase of the schedule before.
+                // Before the schedule begins, the board reports the last phase of the previous one.
                 phase if phase != 1 && frames.is_empty() => {}
                 phase if (1..=last).contains(&phase) => frames.push(frame),
                 _ => return Ok(frames),
@@ -208,7 +212,7 @@ impl Half<'_> {
     }
 }
 
-/// Returns whether a motor turns backwards at a positive duty, as most of its points say.
+/// Returns whether a motor turns backwards at a positive duty, according to most of its points.
 fn senses(motor: usize, forwards: &[(u8, f64)], backwards: &[(u8, f64)]) -> Result<bool, RecordError> {
     let sum = |points: &[(u8, f64)]| points.iter().skip(1).map(|(_, rpm)| rpm.signum()).sum::<f64>();
     let most = (forwards.len() + backwards.len()) as f64 / 2.0 - 1.0;

@@ -46,8 +46,9 @@ pub(super) fn start(recorder: &mut Recorder, count: usize, planned_us: u64) -> R
     Ok(start_us)
 }
 
-/// Starts a schedule so long before its beginning that the request reaches the board in time: first this long, by its clock, µs,
-/// and twice as long each time it was too short. This computer may be busy, and an emulated board faster than real time.
+/// Starts a schedule early enough for the request to reach the board in time: first `lead_us` before its beginning, by the
+/// board's clock, then twice as early after each late request. This computer may be busy, and an emulated board faster than real
+/// time.
 pub(super) fn in_time(
     mut lead_us: u32,
     mut start: impl FnMut(u32) -> Result<(), RecordError>,

@@ -1,4 +1,4 @@
-//! Sees a motor without encoder that stands: the swing of its flagellum is missing.
+//! Detects a standing motor without encoder: the swing of its flagellum is missing.
 
 use protocol::units::CentiRpm;
 use protocol::{Settings, State, Telemetry};
@@ -6,24 +6,24 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use study::swing::in_plane_dps;
 
-/// The least swing of a motor that turns, by the usual one.
+/// Least swing of a turning motor, relative to the usual one.
 const LEAST: f64 = 0.05;
 
-/// Share by which a motor may be off its commanded speed.
+/// Largest relative difference of a motor's speed from the commanded one.
 const OFF: f64 = 0.1;
 
-/// Shortest time after which a motor is judged that its winding bears blocked, s, and turns.
+/// Shortest time after which a motor is judged if its winding bears the duty when blocked, s and in turns.
 const SHORTEST_S: f64 = 10.0;
 const TURNS: f64 = 2.0;
 
-/// A blocked winding bears this duty for ever, and a higher one for a share of this time, s: the board's own estimate.
+/// Duty that a blocked winding bears for ever, and the time constant of its heating, s: the board's own estimate.
 const LASTING: f64 = 85.0;
 const HEATING_S: f64 = 20.0;
 
-/// Above this duty the heat decides, not the swing, how long a motor may stand.
+/// Duty above which the heat of a blocked winding, not the swing, determines when a motor is judged.
 const HOT: f64 = 137.0;
 
-/// Interval between two looks, in frames.
+/// Interval between two checks, in frames.
 const INTERVAL: u32 = 50;
 
 /// The rates of the base since the last change of the commanded speeds.
@@ -31,18 +31,18 @@ const INTERVAL: u32 = 50;
 pub(super) struct Standing {
     settings: Settings,
     target: [CentiRpm; 2],
-    /// Time (s) and rates about x and y (°/s), the latest ones.
+    /// Times (s) and rates about x and y (°/s) of the latest frames.
     rates: VecDeque<(f64, [f64; 2])>,
     frames: u32,
 }
 
 impl Standing {
-    /// Returns what sees the motors of a board with these settings.
+    /// Returns a detector for the motors of a board with these settings.
     pub(super) fn new(settings: Settings) -> Self {
         Self { settings, target: [CentiRpm(0); 2], rates: VecDeque::new(), frames: 0 }
     }
 
-    /// Takes a frame at a time of the board's clock, s. Returns the motor, 1 or 2, that is found to stand.
+    /// Takes a frame at a time of the board's clock, s. Returns the motor, 1 or 2, that stands, if one does.
     pub(super) fn frame(&mut self, frame: &Telemetry, time_s: f64) -> Option<usize> {
         if frame.state != State::Running || !frame.speed.contains(&CentiRpm::UNKNOWN) || frame.target != self.target {
             self.rates.clear();
@@ -106,7 +106,8 @@ mod tests {
     use super::*;
     use protocol::units::{Duty, SensorCounts};
 
-    /// Returns the motor that is found to stand, and when, if the swings of both motors (°/s) end after 20 s.
+    /// Returns the motor that is found to stand, and when, s after 20 s. Both motors swing the base by `swing_dps`; the swing of
+    /// the motor `still` ends at 20 s.
     fn found(rpm: [f64; 2], duty: i16, swing_dps: [f64; 2], still: Option<usize>) -> Option<(usize, f64)> {
         let mut standing = Standing::new(Settings::DEFAULT);
         let target = rpm.map(CentiRpm::from_rpm);

@@ -52,8 +52,8 @@ pub(super) fn next_frame(link: &Link, interrupted: &AtomicBool) -> Result<Teleme
     }
 }
 
-/// Does something with motors while the board streams; then stops them, and the stream: it must not fill memory while the user
-/// reads.
+/// Runs `work` with motors while the board streams; then stops the motors and the stream, which must not fill memory while the
+/// user reads.
 ///
 /// # Errors
 /// Those of `work`; as [`Link::command`].

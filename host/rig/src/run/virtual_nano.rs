@@ -32,7 +32,7 @@ const END_TIMEOUT: Duration = Duration::from_secs(5);
 #[derive(Debug, Error, Diagnostic)]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum VirtualError {
-    /// This is another system.
+    /// The emulated board does not run on this system.
     #[error("the emulated board runs on Linux only")]
     #[diagnostic(code(wrong_use), help("run this on Linux, such as WSL, the Linux inside Windows"))]
     NotHere,

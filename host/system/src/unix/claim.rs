@@ -10,7 +10,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::time::{Duration, Instant};
 
-/// How long a claim waits: another program that is being started holds the names of the one that starts it for a moment.
+/// Longest wait of a claim: for a moment, a program that is being started holds the names of the program that starts it.
 const WAIT: Duration = Duration::from_millis(200);
 
 /// Exclusive use of a port until it is dropped.
@@ -23,7 +23,7 @@ impl Claim {
     /// Claims the port.
     ///
     /// # Errors
-    /// [`ErrorKind::ResourceBusy`] if another biflag has it; those of looking at it.
+    /// [`ErrorKind::ResourceBusy`] if another biflag has it; errors of the look-up of its device.
     pub fn take(path: &str) -> Result<Self> {
         // A device can have several names, and links to them.
         let device = std::fs::metadata(path)?;

@@ -27,7 +27,7 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
     std::fs::rename(from, to)
 }
 
-/// Returns a path by which a program opens the file that is its standard output, to write at any place of it.
+/// Returns a path by which a program can open the file of its standard output, to write at any position.
 ///
 /// # Errors
 /// None on this system.

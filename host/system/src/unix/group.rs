@@ -15,7 +15,7 @@ pub fn start(command: &mut Command) -> Result<(Child, Group)> {
 }
 
 impl Group {
-    /// Kills all that belong to it.
+    /// Kills all programs of the group.
     pub fn kill(&self, first: &Child) {
         let _ = kill_process_group(Pid::from_child(first), Signal::KILL);
     }

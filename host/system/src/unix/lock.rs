@@ -1,20 +1,20 @@
-//! Locks of files. They keep other locks away, not readers.
+//! Locks of files. They exclude other locks, not readers.
 
 use std::fs::{File, TryLockError};
 use std::io;
 
-/// Locks a file that is open for reading, for nobody else.
+/// Locks a file that is open for reading, exclusively.
 ///
 /// # Errors
-/// [`TryLockError::WouldBlock`] if somebody else has locked it.
+/// [`TryLockError::WouldBlock`] if the file is locked already.
 pub fn try_lock(file: &File) -> Result<(), TryLockError> {
     file.try_lock()
 }
 
-/// Locks a file that is open for reading, with others that do the same.
+/// Locks a file that is open for reading, shared with other such locks.
 ///
 /// # Errors
-/// [`TryLockError::WouldBlock`] if somebody else has locked it alone.
+/// [`TryLockError::WouldBlock`] if the file is locked exclusively.
 pub fn try_lock_shared(file: &File) -> Result<(), TryLockError> {
     file.try_lock_shared()
 }

@@ -1,4 +1,4 @@
-//! What Unix answers, Linux above all.
+//! The functions on Unix, above all on Linux.
 
 pub mod avrdude;
 pub mod claim;

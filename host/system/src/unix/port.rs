@@ -27,7 +27,7 @@ pub fn is_emulated(path: &str) -> bool {
 /// Returns whether the path is a serial port, which must be free and accessible.
 ///
 /// # Errors
-/// [`ErrorKind::ResourceBusy`] if another program uses it; those of opening it.
+/// [`ErrorKind::ResourceBusy`] if another program uses it; errors of opening it.
 pub fn is_serial(path: &str) -> Result<bool> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = File::from(rustix::fs::open(path, flags, Mode::empty())?);

@@ -44,7 +44,7 @@ pub fn survive_file_limits() {
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Returns whether this program ignores a signal, as it may have been started to. It is known on Linux only; other systems
+/// Returns whether this program ignores a signal, as its parent may have arranged. This is known on Linux only; other systems
 /// give `false`.
 pub fn is_ignored(signal: c_int) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What the user types while a command works.
+//! Lines that the user types while a command works.
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::getpgrp;
@@ -6,7 +6,7 @@ use rustix::termios::tcgetpgrp;
 use std::io::{IsTerminal, stdin};
 use std::time::Duration;
 
-/// How long a line waits for the command to come to the foreground, before it is asked for again.
+/// Interval of the checks whether the command is in the foreground, while a line waits.
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// Calls a function, on a thread of its own, for each line that the user types, if standard input is a terminal. A command in the

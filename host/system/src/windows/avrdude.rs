@@ -8,8 +8,8 @@ use std::process::Command;
 /// Its name for the system's installer ([`crate::shell::INSTALL`]).
 pub const PACKAGE: &str = "AVRDudes.AVRDUDE";
 
-/// The folders of the Arduino IDE, below those that the variables name: of version 2, whose avrdude has a folder for each of
-/// its own versions, and of version 1.
+/// The folders of avrdude in the Arduino IDE, below the folders in these environment variables: for version 2, which has a folder
+/// for each version of avrdude, and for version 1.
 const OF_ARDUINO: [(&str, &str); 3] = [
     ("LOCALAPPDATA", r"Arduino15\packages\arduino\tools\avrdude"),
     ("ProgramFiles(x86)", r"Arduino\hardware\tools"),

@@ -22,20 +22,20 @@ impl Claim {
     /// Claims the port.
     ///
     /// # Errors
-    /// [`ErrorKind::ResourceBusy`] if another biflag has it; those of looking at it.
+    /// [`ErrorKind::ResourceBusy`] if another biflag has it; errors of the look-up of its device.
     pub fn take(path: &str) -> Result<Self> {
-        // Of all users of this computer.
+        // A global name is common to all users of this computer.
         let name = wide(&format!(r"Global\biflag-port-{}", device(path)?.replace('\\', "/")));
         // SAFETY: the name ends with a zero.
         let mutex = unsafe { CreateMutexW(null(), FALSE, name.as_ptr()) };
         // SAFETY: it has no conditions.
         let error = unsafe { GetLastError() };
         if mutex.is_null() {
-            // Another user's.
+            // Another user's mutex denies access.
             let is_taken = error == ERROR_ACCESS_DENIED;
             return Err(if is_taken { ErrorKind::ResourceBusy.into() } else { Error::from_raw_os_error(error as i32) });
         }
-        // SAFETY: the handle is valid, and nobody else's.
+        // SAFETY: the handle is valid, and has no other owner.
         let name = unsafe { OwnedHandle::from_raw_handle(mutex) };
         if error == ERROR_ALREADY_EXISTS { Err(ErrorKind::ResourceBusy.into()) } else { Ok(Self { _name: name }) }
     }
@@ -45,7 +45,7 @@ impl Claim {
 fn device(path: &str) -> Result<String> {
     let mut device = [0; 512];
     let name = wide(device_name(path));
-    // SAFETY: the name ends with a zero, and the buffer is as long as said.
+    // SAFETY: the name ends with a zero, and the buffer has the stated length.
     let length = unsafe { QueryDosDeviceW(name.as_ptr(), device.as_mut_ptr(), device.len() as u32) };
     if length == 0 {
         return Err(Error::last_os_error());
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn a_port_is_claimed_once_under_all_its_names() {
-        // A device of every Windows.
+        // Every Windows has this device.
         let claim = Claim::take("NUL").unwrap();
         let failed = |path: &str| Claim::take(path).unwrap_err().kind();
         assert_eq!([failed("nul"), failed(r"\\.\NUL")], [ErrorKind::ResourceBusy; 2]);

@@ -7,11 +7,11 @@ use windows_sys::Win32::Storage::FileSystem::GetDiskFreeSpaceExW;
 
 /// Returns the bytes that this user may still write on the disk of a folder, if the system knows.
 pub fn free_bytes(folder: &Path) -> Option<f64> {
-    // Wine knows no canonical form of a long path, and its room as it is.
+    // Wine cannot canonicalise a long path, but finds the room for the path as it is.
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let name: Vec<u16> = full.as_os_str().encode_wide().chain([0]).collect();
     let mut free = 0;
-    // SAFETY: the name ends with a zero, and null is allowed for the numbers that nobody asks for.
+    // SAFETY: the name ends with a zero, and null is allowed for numbers that are not needed.
     let is_known = unsafe { GetDiskFreeSpaceExW(name.as_ptr(), &mut free, null_mut(), null_mut()) };
     (is_known != 0).then_some(free as f64)
 }

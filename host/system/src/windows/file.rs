@@ -14,7 +14,7 @@ use windows_sys::Win32::Storage::FileSystem::{
     FILE_FLAG_BACKUP_SEMANTICS, GetFileInformationByHandle, GetFinalPathNameByHandleW,
 };
 
-/// How long a scanner of viruses or an editor may have a file open that is renamed or replaced.
+/// Longest time for which a virus scanner or an editor may delay the renaming or replacement of a file that it has open.
 const IN_USE: Duration = Duration::from_secs(2);
 
 /// Returns whether two paths name the same file, also through links.
@@ -46,7 +46,7 @@ fn plain(full: PathBuf) -> PathBuf {
     full.to_str().and_then(|path| path.strip_prefix(r"\\?\")).filter(is_usual).map_or(full.clone(), PathBuf::from)
 }
 
-/// Renames a file, in place of another. Another program that has one of them open keeps it from that for a moment.
+/// Renames a file, in place of another. Another program that has one of them open may delay this for a moment.
 ///
 /// # Errors
 /// As [`fs::rename`].
@@ -66,13 +66,13 @@ fn is_in_use(error: &Error) -> bool {
     error.kind() == ErrorKind::PermissionDenied || error.raw_os_error() == Some(ERROR_SHARING_VIOLATION as i32)
 }
 
-/// Returns a path by which a program opens the file that is its standard output, to write at any place of it.
+/// Returns a path by which a program can open the file of its standard output, to write at any position.
 ///
 /// # Errors
 /// The system does not know the path.
 pub fn output_path(output: &File) -> Result<PathBuf> {
     let mut path = vec![0; 32_768];
-    // SAFETY: the file is open, and the buffer is as long as said.
+    // SAFETY: the file is open, and the buffer has the stated length.
     let length = unsafe { GetFinalPathNameByHandleW(output.as_raw_handle(), path.as_mut_ptr(), path.len() as u32, 0) };
     if length == 0 {
         return Err(Error::last_os_error());
@@ -112,7 +112,7 @@ mod tests {
         let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
         fs::write(&old, "old").unwrap();
         fs::write(&new, "new").unwrap();
-        // As most programs open files: nobody may remove it meanwhile.
+        // Opened as by most programs: the file cannot be removed meanwhile.
         let reader = OpenOptions::new().read(true).share_mode(1).open(&old).unwrap();
         let reads = std::thread::spawn(move || {
             std::thread::sleep(Duration::from_millis(300));

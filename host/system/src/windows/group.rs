@@ -24,7 +24,7 @@ pub fn start(command: &mut Command) -> Result<(Child, Group)> {
     if job.is_null() {
         return Err(Error::last_os_error());
     }
-    // SAFETY: the handle is valid, and nobody else's.
+    // SAFETY: the handle is valid, and has no other owner.
     let job = unsafe { OwnedHandle::from_raw_handle(job) };
     let mut limits = JOBOBJECT_EXTENDED_LIMIT_INFORMATION::default();
     limits.BasicLimitInformation.LimitFlags = JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE;
@@ -44,7 +44,7 @@ pub fn start(command: &mut Command) -> Result<(Child, Group)> {
 }
 
 impl Group {
-    /// Kills all that belong to it.
+    /// Kills all programs of the group.
     pub fn kill(&self, _child: &Child) {
         // SAFETY: the handle is valid. The call fails only without the right to end the job, which its creator has.
         unsafe { TerminateJobObject(self.0.as_raw_handle(), 1) };

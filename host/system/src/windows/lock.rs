@@ -1,5 +1,5 @@
-//! Locks of files. They keep other locks away, not readers: the lock is on one byte, far beyond the end of any file, because
-//! nobody else can read bytes that are locked.
+//! Locks of files. They exclude other locks, not readers: the lock is on one byte far beyond the end of any file, because other
+//! programs cannot read locked bytes.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, Result};
@@ -10,18 +10,18 @@ use windows_sys::Win32::Storage::FileSystem::{
 };
 use windows_sys::Win32::System::IO::OVERLAPPED;
 
-/// Locks a file that is open for reading, for nobody else.
+/// Locks a file that is open for reading, exclusively.
 ///
 /// # Errors
-/// [`TryLockError::WouldBlock`] if somebody else has locked it.
+/// [`TryLockError::WouldBlock`] if the file is locked already.
 pub fn try_lock(file: &File) -> std::result::Result<(), TryLockError> {
     lock(file, LOCKFILE_EXCLUSIVE_LOCK)
 }
 
-/// Locks a file that is open for reading, with others that do the same.
+/// Locks a file that is open for reading, shared with other such locks.
 ///
 /// # Errors
-/// [`TryLockError::WouldBlock`] if somebody else has locked it alone.
+/// [`TryLockError::WouldBlock`] if the file is locked exclusively.
 pub fn try_lock_shared(file: &File) -> std::result::Result<(), TryLockError> {
     lock(file, 0)
 }

@@ -1,4 +1,4 @@
-//! What Windows answers otherwise than Unix.
+//! The functions on Windows.
 
 pub mod avrdude;
 pub mod claim;
@@ -14,12 +14,12 @@ pub mod presses;
 pub mod shell;
 pub mod terminal;
 
-/// Returns text as the system wants it: in UTF-16, with a zero at the end.
+/// Returns text in the system's form: UTF-16, with a zero at the end.
 fn wide(text: &str) -> Vec<u16> {
     text.encode_utf16().chain([0]).collect()
 }
 
-/// Returns the name of a device without its prefix, which it may have: `\\.\COM5`.
+/// Returns the name of a device without its prefix, if it has one: `\\.\COM5`.
 fn device_name(path: &str) -> &str {
     path.strip_prefix(r"\\.\").unwrap_or(path)
 }

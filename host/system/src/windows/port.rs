@@ -28,7 +28,7 @@ pub fn is_emulated(_path: &str) -> bool {
 /// Returns whether the path is a serial port, which must be free and accessible.
 ///
 /// # Errors
-/// [`ErrorKind::ResourceBusy`] if another program uses it; those of opening it.
+/// [`ErrorKind::ResourceBusy`] if another program uses it; errors of opening it.
 pub fn is_serial(path: &str) -> Result<bool> {
     let device = format!(r"\\.\{}", device_name(path));
     let port = match OpenOptions::new().read(true).write(true).share_mode(0).open(device) {
@@ -51,7 +51,7 @@ pub fn group(_path: &str) -> String {
     String::new()
 }
 
-/// Returns the other process that has the port open. The system tells its administrators only.
+/// Returns the other process that has the port open. The system shows it to administrators only.
 pub fn holder(_path: &str) -> Option<String> {
     None
 }

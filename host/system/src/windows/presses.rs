@@ -1,4 +1,4 @@
-//! What the console tells its programs: Ctrl-C, Ctrl-Break, and that it closes.
+//! Events of the console: Ctrl-C, Ctrl-Break, and its end.
 
 use std::io::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,7 +7,7 @@ use windows_sys::Win32::Foundation::TRUE;
 use windows_sys::Win32::System::Console::{CTRL_BREAK_EVENT, CTRL_C_EVENT, SetConsoleCtrlHandler};
 use windows_sys::Win32::System::Threading::{GetCurrentProcess, TerminateProcess};
 
-/// What is set, and what is called.
+/// The flag to set, and the function to call.
 struct Hearing {
     interrupted: Arc<AtomicBool>,
     pressed: Mutex<Box<dyn FnMut() + Send>>,

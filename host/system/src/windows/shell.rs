@@ -9,7 +9,7 @@ pub const INSTALL: &str = "winget install";
 /// Returns the shell that runs a user's command.
 pub fn command(line: &str) -> Command {
     let mut shell = Command::new("cmd");
-    // With /S it takes the outer quotes away, and leaves those of the line.
+    // With /S the shell removes the outer quotes, and keeps the quotes of the line.
     shell.raw_arg(format!("/D /S /C \"{line}\""));
     shell
 }

@@ -1,4 +1,4 @@
-//! What the user types while a command works.
+//! Lines that the user types while a command works.
 
 use std::io::{IsTerminal, stdin};
 

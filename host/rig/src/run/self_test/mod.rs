@@ -21,15 +21,15 @@ const STEP_MS: u16 = 400;
 /// Duration of the drive at full duty, ms.
 const FULL_MS: u16 = 800;
 
-/// A duty at which no motor turns, and the time for which it is tried, ms: on a bridge with other inputs than the settings say, it is
-/// nearly full duty.
+/// A duty at which no motor turns, and the time for which it is tried, ms. If the bridge has other inputs than the settings
+/// state, it acts as nearly full duty.
 pub const IDLE_DUTY: i16 = 8;
 const IDLE_MS: u16 = 400;
 
-/// How often the robot is given this time to come to rest before.
+/// Largest number of such times for the robot to come to rest first.
 const MOST_WAITS: usize = 60;
 
-/// Turns of a flagellum in that time that are no trembling.
+/// Turns of a flagellum in that time above which it does not just tremble.
 const IDLE_TURNS: f64 = 0.05;
 
 /// Smallest gyroscope difference between both directions that shows that the motor turns, degrees per second.
@@ -120,7 +120,7 @@ pub fn run(
 pub fn turns_at_idle(board: &mut impl Drive, settings: &Settings) -> Result<Option<usize>, RecordError> {
     let per_dps = f64::from(settings.gyro_range.counts_per_dps());
     let change_dps = |response: &Response| response.gyro.iter().map(|axis| axis * axis).sum::<f64>().sqrt() / per_dps;
-    // A robot that still moves from what was before would look like one that is driven.
+    // A robot that still moves would look like a driven one.
     for _ in 0..MOST_WAITS {
         if change_dps(&respond(board, 0, 0, IDLE_MS)?) < 0.5 * GYRO_EVIDENCE_DPS {
             break;
