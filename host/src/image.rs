@@ -5,7 +5,7 @@ use crate::run::rig::{Image, ImageError, commit_of_image, repository};
 /// The image; empty if the program was built without one.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/firmware.elf"));
 
-/// Returns the image that belongs to this program: in its repository that of the source there, elsewhere the one inside the
+/// Returns the image that belongs to this program: in its repository the image of the source, elsewhere the one inside the
 /// program.
 ///
 /// # Errors

@@ -39,7 +39,7 @@ impl Browser {
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh", "chromium", "--headless"])
             .args(["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-sync"])
             .args(["--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe"])
-            // Pages stand still unless a test lets them move.
+            // Pages show no animations unless a test allows them.
             .arg("--force-prefers-reduced-motion")
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::piped())
@@ -233,7 +233,7 @@ impl Browser {
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
-    /// Lets pages move by themselves.
+    /// Lets pages show animations.
     pub fn moving(&mut self) {
         let features = json!([{ "name": "prefers-reduced-motion", "value": "no-preference" }]);
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
@@ -255,8 +255,8 @@ impl Browser {
     }
 }
 
-/// Returns whether an entry of the console is that of the driver which stands in for a graphics card: it reports that each
-/// picture of WebGL is copied, for any page with WebGL.
+/// Returns whether an entry of the console comes from the driver that replaces a graphics card: for any page with WebGL, it
+/// reports that each picture is copied.
 fn is_of_software_webgl(entry: &Value) -> bool {
     let text = entry["text"].as_str().unwrap_or_default();
     entry["source"] == "rendering"

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What one direction of a cable makes of the bytes that went in since the last call, a fraction of a millisecond ago.
+/// Converts the bytes that entered one direction of a cable since the last call, a fraction of a millisecond ago.
 type Spoil = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
 
 /// A cable. Dropping it pulls the plug.
@@ -71,7 +71,7 @@ impl Cable {
 }
 
 /// Passes bytes on. While a full port leaves some of them `waiting`, nothing more is read, so that a board that waits for its
-/// reader also waits for the one behind the cable. A port that nobody has open cannot be read.
+/// reader also waits for the reader behind the cable. A port that no program has open cannot be read.
 fn pass(from: &mut File, to: &mut File, spoil: &Mutex<Spoil>, waiting: &mut Vec<u8>) {
     if waiting.is_empty() {
         let mut bytes = [0; 4096];

@@ -6,10 +6,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Display, Formatter};
 use std::fs;
 
-/// Largest relative difference of numbers that are the same: another order of a sum changes the last bits.
+/// Largest relative difference of equal numbers: another order of a sum changes the last bits.
 const SAME: f64 = 1e-12;
 
-/// Returns whether two texts are the same but for the last digits of numbers.
+/// Returns whether two texts are equal, except for the last digits of numbers.
 fn is_same(one: &str, other: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         text.split_inclusive(|c: char| c.is_whitespace() || ",:[](){}".contains(c))
@@ -56,7 +56,7 @@ pub fn hold(name: &str, now: &str) {
     );
 }
 
-/// Holds the keys of a command's JSON.
+/// Compares the keys of a command's JSON with a golden file, like [`hold`].
 #[track_caller]
 pub fn hold_keys(command: &str, json: &Value) {
     hold(&format!("json/{command}"), &Keys::of(json).to_string());
@@ -98,7 +98,7 @@ impl Keys {
         }
     }
 
-    /// Returns the type in one line; `None` if it takes more.
+    /// Returns the type in one line; `None` if it needs more.
     fn line(&self) -> Option<String> {
         let mut types: Vec<String> = self.types.iter().map(|&name| name.to_owned()).collect();
         match &self.items {

@@ -1,4 +1,4 @@
-//! How late a busy computer is.
+//! The lateness of a busy computer.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -18,7 +18,7 @@ struct Shared {
 }
 
 impl Lateness {
-    /// What is measured goes through some five threads one after the other, each of which may be woken late.
+    /// A measured action passes through some five threads one after the other, each of which may be woken late.
     const THREADS: u32 = 5;
 
     /// Starts to measure.

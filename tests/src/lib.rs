@@ -30,8 +30,8 @@ use std::sync::{Arc, Mutex, MutexGuard, Once, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Waits until no other test holds this, and holds it: for tests that compute on all cores for long, and for those that
-/// measure times.
+/// Waits until no other test holds the whole computer, and holds it: for long tests on all cores, and for tests that measure
+/// times.
 pub fn whole_computer() -> MutexGuard<'static, ()> {
     static WHOLE: Mutex<()> = Mutex::new(());
     WHOLE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -145,7 +145,7 @@ impl Run {
         self
     }
 
-    /// Panics unless all that is wrong is that trials are too short to settle.
+    /// Panics unless the only warnings are about trials that are too short to settle.
     #[track_caller]
     pub fn expect_unsettled(self) -> Self {
         let said = self.stdout.replace("{\"cure\"", "\n{\"cure\"") + &self.stderr;
@@ -161,7 +161,7 @@ pub fn signal(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).expect("a running program");
 }
 
-/// Holds a run up while `act` is carried out. The time of a board in lock-step with it stands still meanwhile.
+/// Stops a run while `act` is carried out. The time of a board in lock-step with it stands still meanwhile.
 pub fn while_held<T>(run: &Child, act: impl FnOnce() -> T) -> T {
     signal(run, Signal::STOP);
     let done = act();
@@ -169,7 +169,7 @@ pub fn while_held<T>(run: &Child, act: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Waits until a run says something on stderr, which is read to its end in the background. Returns the line.
+/// Waits until a run prints `text` on stderr, which is read to its end in the background. Returns the line.
 #[track_caller]
 pub fn wait_for_line(child: &mut Child, text: &str) -> String {
     let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
@@ -204,7 +204,7 @@ pub fn wait_for_logs(session: &Path, count: usize) {
     wait_until("a trial starts", || logs(session).len() >= count);
 }
 
-/// Waits until something holds, for a minute at most.
+/// Waits until a condition holds, for at most a minute.
 #[track_caller]
 pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
@@ -230,7 +230,7 @@ pub fn board_s(nano: &mut VirtualNano) -> f64 {
     nano.control("status").expect("a board")["seconds"].as_f64().expect("a number")
 }
 
-/// Waits until so many seconds of the board's own time have passed.
+/// Waits until this many seconds of the board's own time have passed.
 #[track_caller]
 pub fn pass(nano: &mut VirtualNano, seconds: f64) {
     let begun_s = board_s(nano);
@@ -258,8 +258,8 @@ impl DerefMut for Nano {
 }
 
 /// Starts the emulated board with the real firmware and an EEPROM with settings. At any `--speed` but 1 it is in lock-step with
-/// the program at its port: its time stands still while that program is held up. So no result of a trial depends on how busy
-/// the computer is. At 1, by default, it is a board in real time, which waits for nobody.
+/// the program at its port: its time stands still while that program is held up. So no result of a trial depends on how busy the
+/// computer is. At 1, the default, it is a board in real time, which does not wait.
 pub fn nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> Nano {
     static STORED: OnceLock<Vec<u8>> = OnceLock::new();
     let folder = TempDir::new().expect("a temporary folder");
@@ -270,7 +270,7 @@ pub fn nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> Nano {
     Nano { nano: bare_nano(arguments.chain(eeprom)), _folder: folder }
 }
 
-/// How long a board in lock-step waits for a program that says nothing, s, as with `record --virtual`.
+/// Longest wait of a board in lock-step for a silent program, s, as with `record --virtual`.
 const PATIENCE_S: &str = "60";
 
 /// Starts the emulated board with the real firmware; its EEPROM is blank unless a file is given.
@@ -286,7 +286,7 @@ fn eeprom_with_settings() -> Vec<u8> {
     let eeprom = bench.path().join("eeprom");
     let nano = bare_nano([OsStr::new("--speed"), OsStr::new("max"), OsStr::new("--eeprom"), eeprom.as_os_str()]);
     bench.run(["settings", "--new", "--port", nano.port()]).expect_code(0);
-    // It writes the file when it ends.
+    // The board's program writes the file when it ends.
     drop(nano);
     std::fs::read(eeprom).expect("the EEPROM's file")
 }
@@ -323,13 +323,13 @@ pub fn program(name: &str) -> PathBuf {
     built(other.map_or_else(|| repository().join("target/release").join(name), PathBuf::from))
 }
 
-/// Lets the programs that tests start hear signals. A shell ignores Ctrl-C for what it runs in the background, and programs
+/// Lets the programs that tests start receive signals. A shell ignores Ctrl-C for what it runs in the background, and programs
 /// inherit that, unless the signal has a handler: then a program begins with the system's reaction.
 fn hear_signals() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for signal in [SIGHUP, SIGINT, SIGQUIT].into_iter().filter(|signal| is_ignored(*signal)) {
-            // This process goes on without a reaction: nobody reads the flag.
+            // This process does not react: nothing reads the flag.
             flag::register(signal, Arc::new(AtomicBool::new(false))).expect("a handler");
         }
     });

@@ -1,4 +1,4 @@
-//! What the tests need of a Markdown page: its links, its anchors, and its code.
+//! The parts of a Markdown page that the tests need: its links, its anchors, and its code.
 
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::collections::{HashMap, HashSet};
@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 /// A Markdown page.
 #[derive(Debug, Default)]
 pub struct Page {
-    /// Where its links and images lead.
+    /// The targets of its links and images.
     pub links: Vec<String>,
     /// The anchors of its headings, without `#`.
     pub anchors: HashSet<String>,

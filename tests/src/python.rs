@@ -4,12 +4,12 @@ use crate::repository;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Returns the Python of the environment that the tests share: the newest at hand, with everything that they import.
+/// Returns the Python of the tests' shared environment: the newest one available, with everything that they import.
 pub fn newest_python() -> PathBuf {
     environment("newest")
 }
 
-/// Returns the Python of an environment of the oldest at hand, with what the package itself needs.
+/// Returns the Python of an environment with the oldest one available, and the packages that `biflag` itself needs.
 pub fn oldest_python() -> PathBuf {
     environment("oldest")
 }

@@ -15,7 +15,7 @@ use thiserror::Error;
 #[derive(Error, Diagnostic, Debug)]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum PageError {
-    /// What was asked for cannot be drawn, filmed or shown.
+    /// The request cannot be drawn, filmed or shown.
     #[error("{what}")]
     #[diagnostic(code(wrong_use), help("{help}"))]
     WrongUse { what: String, help: String },
@@ -58,7 +58,7 @@ pub enum PageError {
 }
 
 impl PageError {
-    /// Returns why a file or folder cannot be used, and what helps.
+    /// Returns the error of a file or folder that cannot be used, with the remedy.
     pub(crate) fn wrong_use(path: &Path, reason: impl Display, help: impl Into<String>) -> Self {
         Self::WrongUse { what: format!("{}: {reason}", path.display()), help: help.into() }
     }

@@ -4,7 +4,7 @@ use study::attitude::Columns;
 use study::trial::Zeroed;
 use study::twin::{Compared, Point};
 
-/// Returns the attitude at times by the trial's clock. `angles_deg`: that of a trial alone, whose points have no model.
+/// Returns the attitude at times by the trial's clock. `angles_deg`: the attitude of a trial alone, whose points have no model.
 pub(crate) fn points(zeroed: &Zeroed, angles_deg: &Columns<3>, compared: Option<&Compared>) -> Vec<(f64, Point)> {
     if let Some(Compared { comparison, points, .. }) = compared {
         let start_s = comparison.run_start_s[0];

@@ -1,8 +1,7 @@
-//! The table of a sweep as pages and figures read it: the inputs that vary, and the results at each point.
+//! The table of a sweep for pages and figures: the inputs that vary, and the results at each point.
 //!
-//! Inputs are the speeds, and the keys of the robot's file or the groups that vary. In other tables an input is a column of
-//! numbers before the first result that does not follow from the inputs before it: a table also has columns that follow
-//! from its inputs, such as lengths from groups.
+//! Inputs are the speeds, and the keys of the robot's file or the groups that vary. In other tables, an input is a column of
+//! numbers before the first result, unless it follows from the inputs before it, as lengths follow from groups.
 
 use sim::steady::Kind as Motion;
 use sim::steady::phase::Ratio;
@@ -18,10 +17,10 @@ const FIRST_RESULT: &str = "yaw_deg";
 /// contact.
 pub(crate) const MOST_SPREAD_DEG: f64 = 0.3;
 
-/// The least values of each input of a map with contours: between fewer, these would show the grid.
+/// Least number of values of each input of a map with contours, which would show the grid between fewer.
 pub(crate) const CONTOUR_NODES: usize = 8;
 
-/// A column of numbers; NaN where there is none.
+/// A column of numbers; NaN is a missing value.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Column {
     pub name: String,
@@ -56,7 +55,7 @@ fn without_unit(name: &str) -> &str {
 /// The kinds of motions, from the steadiest. Pages and figures read the index.
 pub(crate) const MOTIONS: [Motion; 4] = [Motion::Steady, Motion::Beating, Motion::NotFound, Motion::Overturned];
 
-/// Returns the table of a sweep: the file itself, or that in the folder of a sweep; `None` for anything else.
+/// Returns the table of a sweep: the file itself, or the table in the folder of a sweep; `None` for anything else.
 pub(crate) fn table_of(path: &Path) -> Option<PathBuf> {
     let is_table = path.extension().is_some_and(|extension| extension == "parquet" || extension == "csv");
     match path.is_dir() {
@@ -70,11 +69,11 @@ pub(crate) fn table_of(path: &Path) -> Option<PathBuf> {
 pub(crate) struct Swept {
     /// Lines about the whole table.
     pub header: Vec<String>,
-    /// What varies by itself.
+    /// The quantities that vary by themselves.
     pub inputs: Vec<Column>,
-    /// What the model says.
+    /// The results of the model.
     pub results: Vec<Column>,
-    /// The index in [`MOTIONS`] of each row's steady state; -1 where the point failed or the table does not say.
+    /// The index in [`MOTIONS`] of each row's steady state; -1 if the point failed or the table does not state it.
     pub states: Vec<i64>,
 }
 
@@ -85,7 +84,7 @@ impl Swept {
     /// Reads a table.
     ///
     /// # Errors
-    /// Why it is none: it cannot be read, has no results, or has less than two inputs.
+    /// Why it is not a sweep's table: it cannot be read, has no results, or has less than two inputs.
     pub fn read(path: &Path) -> Result<Self, String> {
         let table = sweep::columns_of(path)?;
         let (header, states) = (table.header.clone(), states(&table));
@@ -104,7 +103,8 @@ impl Swept {
         usize::try_from(self.states[row]).is_ok_and(|state| MOTIONS[state] >= Motion::NotFound)
     }
 
-    /// Returns the number of points that hold for one starting phase of the flagella where others may give other values.
+    /// Returns the number of points with a single starting phase of the flagella at speeds where other phases may give other
+    /// values.
     pub fn of_one_phase(&self) -> usize {
         let [Some(w1), Some(w2), Some(phases)] = ["w1_rpm", "w2_rpm", "phases"].map(|name| self.column(name)) else {
             return 0;
@@ -125,8 +125,8 @@ impl Swept {
         self.inputs.iter().chain(&self.results).find(|column| column.name == name)
     }
 
-    /// Returns the rows in which every input but those of `free` has the value that `fixed` names, or the one that most of the
-    /// points with these have; and the values.
+    /// Returns the rows in which every input outside `free` has its value in `fixed`, or else the value that most of the
+    /// remaining points have; and these values.
     ///
     /// # Errors
     /// Why there are none.
@@ -156,7 +156,7 @@ impl Swept {
                 return Err(format!("no point has {} = {value}; the sweep has {}", input.name, few(&has)));
             }
         }
-        // The others have the value that most of these points have.
+        // Each other input has the value that most of these points have.
         for input in &others {
             let value = match given(input) {
                 Some(value) => value,
@@ -190,7 +190,7 @@ fn few(values: &[f64]) -> String {
     }
 }
 
-/// Seven digits: results of the same inputs may differ in their last ones.
+/// Compares seven digits: results of the same inputs may differ in the others.
 pub(crate) fn is_same(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-6 * a.abs().max(b.abs())
 }
@@ -198,8 +198,8 @@ pub(crate) fn is_same(a: f64, b: f64) -> bool {
 /// More points than this without a common value are scattered.
 const MOST_SCATTERED: usize = 6;
 
-/// Returns the value that most points have and how many have it, the middle one of equals: in a sweep of one input at a time,
-/// that of the robot.
+/// Returns the most frequent value and its number of points; of equally frequent values the middle one. In a sweep of one input
+/// at a time, it is the robot's.
 fn commonest(values: impl Iterator<Item = f64>) -> (f64, usize) {
     let mut sorted: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -232,7 +232,7 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
     let is_key = |column: &Column| column.about == sweep::VARIES;
     let speeds = varying(|column| column.about != sweep::VARIES && ["w1_rpm", "w2_rpm"].contains(&&*column.name));
     let keys = varying(is_key);
-    // Where a key varies, the groups follow from it. A group is over that of the robot `published`.
+    // If a key varies, the groups follow from it. A group is relative to that of the robot `published`.
     let groups = || varying(|column| column.name.starts_with("group_") && column.name.ends_with("_relative"));
     let mut chosen = [speeds, if keys.is_empty() { groups() } else { keys }].concat();
     let mut told = distinct(&chosen).max(1);
@@ -247,7 +247,7 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
     chosen.into_iter().map(|k| &columns[k]).collect()
 }
 
-/// Returns the columns that are numbers; a text that is none becomes NaN, and a column of texts is left out.
+/// Returns the columns of numbers. A text that is not a number becomes NaN, and a column of texts is left out.
 fn numeric(table: Table) -> Vec<Column> {
     let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
     let columns = table.columns.into_iter().map(|column| Column {

@@ -45,7 +45,7 @@ pub struct Args {
     r#virtual: bool,
 }
 
-/// What a key asks for.
+/// The action of a key.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Key {
     Motor(usize),
@@ -125,7 +125,7 @@ fn degrees(from: [EncoderCounts; 2], to: [EncoderCounts; 2], per_turn: f64) -> [
     [0, 1].map(|k| f64::from(to[k].0.wrapping_sub(from[k].0)) / per_turn * 360.0)
 }
 
-/// Returns the keys of a line; `None` if one is none.
+/// Returns the keys of a line; `None` if a character is not a key.
 fn keys(line: &str) -> Option<Vec<Key>> {
     let (steps, last) = match line.strip_suffix("ok") {
         Some(steps) => (steps, Some(Key::Done)),

@@ -1,7 +1,7 @@
 //! The result of a command, and its output: stdout, stderr and the exit code.
 //!
-//! A terminal that Ctrl-S has stopped takes no output, nor does a pipe that nobody reads. A command waits for them, but not
-//! once the user has interrupted it.
+//! A terminal that Ctrl-S has stopped takes no output, nor does a pipe that nobody reads. A command waits for them, until the
+//! user interrupts it.
 
 use super::usage;
 use crate::colour;
@@ -34,7 +34,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Returns how a command ended that did all, by whether nothing was lost and nothing is to be warned of.
+    /// Returns the outcome of a command that has done everything. `is_sound`: whether nothing was lost and there are no warnings.
     pub fn of(is_sound: bool) -> Self {
         if is_sound { Self::Done } else { Self::WithLoss }
     }
@@ -128,7 +128,7 @@ fn eprint(text: String) {
     patiently(move || colour::eprint(&text));
 }
 
-/// Writes what is left of an output, from a thread of its own; returns `None` if an interruption ended the wait for it.
+/// Writes the rest of an output on a separate thread; returns `None` if an interruption ended the wait for it.
 fn patiently<T: Send + 'static>(write: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     let (sender, written) = channel();
     thread::spawn(move || sender.send(write()));
@@ -191,7 +191,7 @@ fn describe(error: &dyn Diagnostic) -> String {
     printable(&text)
 }
 
-/// Returns a finding as a line, with the log that it is about where a command names several.
+/// Returns a finding as a line, with its log if the command names several.
 pub fn finding_line(log: Option<&str>, finding: &Finding) -> String {
     let label = if finding.grave { "warning" } else { "note" };
     let log = log.map_or_else(String::new, |log| format!("{log}: "));

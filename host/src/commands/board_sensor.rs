@@ -1,4 +1,4 @@
-//! What is known of the sensor of a board before trials: the file that the plan names, or the scales that the board keeps.
+//! The known errors of a board's sensor before trials: the file that the plan names, or the scales that the board keeps.
 
 use super::answer::wrong_use;
 use super::sensor::percent;
@@ -9,10 +9,10 @@ use crate::run::rig::note as board_note;
 use biflag_log::MeasuredSensorMeta;
 use study::sensor::{AXES, MeasuredSensor, note};
 
-/// Scales that differ by more of their standard uncertainties are of two sensors, or one of them is old.
+/// Scales that differ by more than this number of standard uncertainties are of two sensors, or one of them is old.
 const APART: f64 = 3.0;
 
-/// Completes a plan by what its board keeps. Returns a note for the user.
+/// Adds the scales that the board keeps to a plan without a sensor file. Returns a note for the user.
 ///
 /// # Errors
 /// The board cannot be asked, or the plan names the file of another sensor.
@@ -33,7 +33,7 @@ pub fn complete(plan: &mut Plan, link: &Link) -> miette::Result<Option<String>> 
     Ok(kept.and_then(|kept| difference(&of_file, &kept, &file.name)))
 }
 
-/// Returns in words where a file and a board differ.
+/// Describes a difference between a file and a board.
 fn difference(file: &MeasuredSensor, kept: &MeasuredSensor, name: &str) -> Option<String> {
     AXES.into_iter().find_map(|axis| {
         let (one, other) = (file.get("gyro_scale", axis)?, kept.get("gyro_scale", axis)?);

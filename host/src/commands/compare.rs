@@ -160,7 +160,7 @@ fn line(trial: &Comparison) -> String {
     format!("{}: steady {measured}; error {error}; RMSE {rmse}{gaps}{settle}{shift}\n  {}.", trial.name, trial.verdict)
 }
 
-/// Formats the uncertainty of a steady error by its parts, where there is any.
+/// Formats the uncertainty of a steady error by its parts, if there is any.
 fn parts(angle: &AngleComparison) -> String {
     let model = angle.model_error_deg.map_or_else(String::new, |deg| format!(", model {deg:.2}°"));
     match angle.uncertainty {

@@ -136,7 +136,7 @@ struct OneTrial {
     time: Option<[f64; 2]>,
 }
 
-// What is drawn of one trial without further options.
+// A figure of one trial without further options.
 #[derive(clap::Args, Debug)]
 struct Panels {
     #[command(flatten)]

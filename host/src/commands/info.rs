@@ -14,7 +14,7 @@ use sim::trial::quantity::{MIN_GAP, SETTLE};
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
-/// Smallest share of the variance that is shown of a cause.
+/// Smallest share of the variance for which a cause is shown.
 const LEAST_SHARE: f64 = 0.02;
 
 /// Show the content of a log or a session: trials, steady angles, link errors, damage.
@@ -112,7 +112,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed, is_open: bool) -> String 
     lines.0
 }
 
-/// Adds what recorded the log, and what was to be done in the trial.
+/// Adds the recorder of the log, and the task of the trial.
 fn describe_setup(lines: &mut Lines, data: &Data) {
     let records = &data.records;
     if let Some(identity) = &records.identity {
@@ -225,7 +225,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let mut trials = Vec::new();
     for row in &rows {
         let (state, attempt) = (&row.state, row.state.best());
-        // The numbers of the day of the recording may be better than they turned out to be.
+        // The angles as judged now replace those of the log's summary, whose uncertainties may be too small.
         let mut summary = attempt.and_then(|attempt| attempt.summary.clone());
         match (&mut summary, &row.angles) {
             (Some(summary), Some(angles)) => angles.fill(summary),
@@ -302,7 +302,7 @@ impl Row {
             };
             state.damaged(&attempt.path, &losses);
         }
-        // What other commands take of a trial that is not complete, and what they say about it.
+        // Other commands also take the last attempt of a trial that is not complete, with its findings.
         match state.attempts.last().map(|last| last.read(Want::default())) {
             Some(Err(error)) if error.is_of_reading() => Err(error),
             last => Ok(Self::of(state, last.and_then(Result::ok))),

@@ -67,7 +67,7 @@ fn describe(name: &str, robot: &Robot, phase_deg: [f64; 2], parts: &[String], fo
         "turned alone", "thrust mN", "torque mN m", "on the base mN", "drag N s/m"
     );
     for (k, part) in parts.iter().enumerate().skip(1) {
-        // Of the fluid on the part: against what the part exerts. A flagellum turns about its shaft.
+        // Forces of the fluid on the part are opposite to those that the part exerts. A flagellum turns about its shaft.
         let (z, turn) = (6 * k + 2, 6 * k + 5);
         let [thrust, torque, on_base] = [z, turn, 2].map(|row| -(matrix[(row, turn)] * rate * 1e3));
         let drag = matrix[(z, z)];

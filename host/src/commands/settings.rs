@@ -67,7 +67,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             wanted.bandgap = reference(&link, settings.bandgap, volts, &interrupted)?;
         }
         let is_other = wanted.board_id != settings.board_id;
-        // Those of another board would be taken for this one's, unless it has lost its settings and may be that board.
+        // The lines of another board would be taken for this one's, unless this board has lost its settings and may be that
+        // board.
         let takes_lines = is_other && copies.as_ref().is_some_and(|copies| copies.lines(wanted.board_id).is_some());
         if takes_lines && (args.restore.is_none() || link.info().settings_stored) {
             return Err(wrong_use(
@@ -100,7 +101,7 @@ fn meter(args: &Args, interrupted: &AtomicBool) -> miette::Result<Option<f64>> {
     }
 }
 
-/// Returns the voltage of the chip's reference with which the board tells the supply that a meter reads.
+/// Returns the voltage of the chip's reference with which the board's reading of its supply agrees with a meter.
 fn reference(link: &Link, present: Millivolts, volts: f64, interrupted: &AtomicBool) -> miette::Result<Millivolts> {
     let told = preflight::measured_supply(link, interrupted)?.volts();
     let reference = f64::from(present.0) * volts / told;

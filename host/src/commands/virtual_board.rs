@@ -37,11 +37,11 @@ impl SensorArgs {
     }
 }
 
-/// How long the emulated board's time waits for this program, s. Its link is never silent (see [`rig::link`]) unless the
-/// computer is busy or the program is stopped, and neither is to end a trial.
+/// How long the emulated board's time waits for this program, s. Its link is never silent (see [`rig::link`]) unless the computer
+/// is busy or the program is stopped, and neither should end a trial.
 const PATIENCE_S: &str = "60";
 
-/// What the board's program says first when an option has a wrong value.
+/// The beginning of the message of the board's program about a wrong value of an option.
 const INVALID_VALUE: &str = "invalid value";
 
 /// Starts the emulated board with the firmware that belongs to this program, these arguments and these faults.
@@ -92,7 +92,7 @@ pub(super) fn help(faults: &[String], sensor: Option<&SensorArgs>) -> Option<mie
     sensor?.sensor.as_ref().is_some_and(is_help).then(|| help_of("--sensor", "sensor"))
 }
 
-/// Returns what the board's program says about the values of an option, under a key.
+/// Returns the help of the board's program on the values of an option, under a key.
 fn help_of(option: &str, key: &str) -> miette::Result<Answer> {
     let output = std::process::Command::new(VirtualNano::program()?)
         .args([option, "help"])

@@ -61,7 +61,7 @@ pub(super) fn write(entries: &[Entry], sums: &[Sum], out: &Path) -> miette::Resu
     for (index, entry) in entries.iter().enumerate() {
         let size = entry.file.metadata().map_err(reading(&entry.file))?.len();
         let method = if entry.is_compressed() { CompressionMethod::Stored } else { CompressionMethod::Deflated };
-        // Without a time: that of the files that are made says nothing, and the logs have their own.
+        // Files have no time: it would mean nothing for generated files, and the logs contain their own.
         let options = SimpleFileOptions::default()
             .compression_method(method)
             .last_modified_time(DateTime::default())

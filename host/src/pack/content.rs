@@ -1,4 +1,4 @@
-//! The files that go into an archive: those of the session, and those made of it.
+//! The files that go into an archive: the session's, and those generated from it.
 
 use super::reading;
 use super::readme::{self, About};
@@ -20,9 +20,9 @@ use std::path::{Path, PathBuf};
 pub(super) struct Entry {
     /// Its name there, with `/` between folders.
     pub name: String,
-    /// Where its content is.
+    /// The file with its content.
     pub file: PathBuf,
-    /// What it is.
+    /// Its description.
     pub about: String,
 }
 
@@ -45,7 +45,7 @@ impl Entry {
         }
     }
 
-    /// Returns whether it does not become smaller by compression.
+    /// Returns whether it is compressed already.
     pub fn is_compressed(&self) -> bool {
         matches!(self.extension(), "mcap" | "jpg" | "jpeg" | "png" | "pdf" | "mp4" | "webm" | "gif" | "zip")
     }
@@ -55,10 +55,10 @@ impl Entry {
     }
 }
 
-/// The files, and what is to be said about them.
+/// The files, and the findings and notes about them.
 #[derive(Debug, Default)]
 pub(super) struct Content {
-    /// Folder of the files that are made.
+    /// Folder of the generated files.
     pub made: PathBuf,
     pub entries: Vec<Entry>,
     pub findings: Vec<LogFinding>,

@@ -12,7 +12,7 @@ use std::time::SystemTime;
 
 const NAME: &str = "ro-crate-metadata.json";
 
-/// Adds both files. `sums`: of the files that are there.
+/// Adds both files. `sums`: the sums of the files so far.
 pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums: &[Sum]) -> miette::Result<()> {
     let manifest: String =
         content.entries.iter().zip(sums).map(|(entry, sum)| format!("{}  {}\n", sum.sha256, entry.name)).collect();
@@ -109,7 +109,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
     })
 }
 
-/// Returns the name of a file as a relative address: with `%` before the codes of characters that an address has not.
+/// Returns the name of a file as a relative address: with `%` before the codes of characters that an address cannot contain.
 fn address(name: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/+=,@".contains(&byte);
     name.bytes().map(|byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()

@@ -40,12 +40,12 @@ pub struct Packed {
     pub findings: Vec<LogFinding>,
     /// What is missing in the archive, or should be added.
     pub notes: Vec<String>,
-    /// Whether nothing in it may be wrong.
+    /// Whether there are no warnings about its content.
     #[serde(skip)]
     pub is_sound: bool,
 }
 
-/// Returns what describes an error of reading a file or a folder.
+/// Returns a function that describes an error of reading a file or a folder.
 fn reading(path: &Path) -> impl Fn(io::Error) -> Report {
     let path = path.to_owned();
     move |error| Report::from_err(error).wrap_err(format!("{}: cannot be read", path.display()))
@@ -54,7 +54,7 @@ fn reading(path: &Path) -> impl Fn(io::Error) -> Report {
 /// Packs the session in `folder` into the new file `out`.
 ///
 /// # Errors
-/// What cannot be read or written; nothing is left of an unfinished archive.
+/// A file cannot be read or written; nothing is left of an unfinished archive.
 pub fn pack(folder: &Path, out: &Path, about: &About, progress: &Progress) -> miette::Result<Packed> {
     let session = Session::open(folder)?;
     if is_in_use(folder) {

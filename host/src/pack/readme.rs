@@ -6,7 +6,7 @@ use crate::text;
 use crate::trial::Want;
 use std::fmt::Write;
 
-/// What the session's files do not say.
+/// Facts that the session's files do not contain.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct About {
     /// Who made the recording; empty if nobody is named.

@@ -1,4 +1,4 @@
-//! The three commands of `biflag sensor` on a bench: what they find of a part that a hand poses and turns.
+//! The three commands of `biflag sensor` on a bench: their results for a part that a hand poses and turns.
 
 use super::TICK_S;
 use super::part::{Lot, Part, Powered};
@@ -11,15 +11,15 @@ use host::sensor::{
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::Settings;
 
-/// Each pose, and the axis of a turn, is exact within this, °; a turn of 720° too. These are the defaults of the commands.
+/// Bound on the error of each pose, of the axis of a turn, and of a turn of 720°, °. These are the defaults of the commands.
 const PLACED_DEG: f64 = 1.0;
 
 /// Standard deviation of the stops of a hand at a mark, °.
 const STOPS_DEG: f64 = 0.5;
 
 impl Part {
-    /// Returns what is known of a part from `sensor poses`, `sensor turn` about each axis and `sensor still 600`; of an ideal
-    /// one, that it has no errors, and its noise from `sensor still 600`.
+    /// Returns the errors of a part as measured by `sensor poses`, `sensor turn` about each axis and `sensor still 600`. An ideal
+    /// part has exactly zero errors, and its noise from `sensor still 600`.
     pub fn measured(&self, random: &mut Random) -> MeasuredSensorMeta {
         let is_ideal = self.lot == Lot::Ideal;
         let mut file = if is_ideal { exact() } else { MeasuredSensor::new(&Settings::DEFAULT) };
@@ -48,7 +48,7 @@ fn exact() -> MeasuredSensor {
     file
 }
 
-/// Returns what is known of a sensor that has no errors but one, which is known with a standard uncertainty.
+/// Returns the file of a sensor without errors except one, which is known with a standard uncertainty.
 pub fn known_but_for(table: &str, key: &str, value: f64, u: f64) -> MeasuredSensorMeta {
     let mut file = exact();
     file.set(table, key, Estimate { value, u });
@@ -141,7 +141,7 @@ fn turns(part: &Part, random: &mut Random, axis: usize, file: &mut MeasuredSenso
         goes_on = goes_on && hand.go(12.0, |share| about(from_deg + share * (to_deg - from_deg)), &mut take);
         goes_on = goes_on && hand.rest(5.0, &mut take);
     }
-    // Pings tell the rate of the board's clock.
+    // Pings measure the rate of the board's clock.
     let clock = part.clock + CLOCK_U * random.normal();
     watch.result(PLACED_DEG, file, clock).expect("turns").enter(axis, file);
 }

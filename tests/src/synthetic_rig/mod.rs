@@ -1,5 +1,5 @@
-//! Trials of a rig that is computed: the motion of the model, a sensor drawn from its data sheet, what a bench measures of it,
-//! and the filter of the firmware. No error of the sensor is taken from what reads the logs or emulates the board.
+//! Trials of a computed rig: the motion of the model, a sensor drawn from its data sheet, its errors as measured on a bench, and
+//! the filter of the firmware. No error of the sensor comes from the code that reads the logs or emulates the board.
 
 mod bench;
 mod motion;

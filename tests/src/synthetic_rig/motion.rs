@@ -44,7 +44,7 @@ impl Motion {
         if time_s > 0.0 { self.angles[self.index(time_s)] } else { [0.0; 3] }
     }
 
-    /// Returns what is left of them at a time after the end of the run.
+    /// Returns the rest of these angles at a time after the end of the run.
     pub(super) fn left(&self, since_s: f64) -> [f64; 3] {
         let index = self.index(self.run_s + since_s);
         if index + 1 < self.angles.len() { self.angles[index] } else { [0.0; 3] }
@@ -69,7 +69,7 @@ impl Motion {
         Motor { target_rpm: speed_rpm, speed_rpm, turns, ..Motor::default() }
     }
 
-    /// Returns the trial as the model's log has it.
+    /// Returns the trial as read from the model's log.
     pub fn model(&self, phases: &Phases) -> Data {
         let mut collector = Collector::new(Want::default(), 2);
         let Phases { preroll_s, run_s, decay_s, .. } = *phases;

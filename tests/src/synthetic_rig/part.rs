@@ -1,11 +1,11 @@
 //! Sensors with errors within the data sheet, PS-MPU-6000A revision 3.4, sections 6.1 and 6.2, on a board with a Nano's
-//! resonator; and what they read.
+//! resonator; and their readings.
 
 use super::TICK_S;
 use super::random::Random;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Which parts are drawn.
+/// The kind of parts to draw.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Lot {
     /// No errors but noise, a bias and its walk.
@@ -77,7 +77,7 @@ impl Part {
             gyro,
             gyro_g_dps,
             gyro_bias_dps: random.normals(2.0),
-            // A tenth of what ±20 °/s over -40 to 85 °C amounts to.
+            // A tenth of the slope of ±20 °/s over -40 to 85 °C.
             gyro_drift_dps_per_c: random.normals(0.03 * sold),
             accel,
             accel_offset_g,
@@ -85,7 +85,7 @@ impl Part {
             mounting,
             warming_c: (1.5 * sold * random.normal()).abs(),
             flicker: (3.0 * random.uniform()) as usize,
-            // Axis x of `tests/data/mpu6050/still-655s.csv` has a floor of 0.004 °/s, its others have none that shows. The
+            // Axis x of `tests/data/mpu6050/still-655s.csv` has a floor of 0.004 °/s, the other axes have no visible one. The
             // floor is about four fifths of the deviation of each walk.
             flicker_dps: 0.006 / 0.8 * sold * random.uniform(),
             clock,
@@ -93,7 +93,7 @@ impl Part {
     }
 }
 
-/// What a part reads.
+/// A reading of a part.
 pub(super) struct Reading {
     pub rate_dps: Vector3<f64>,
     pub force_g: Vector3<f64>,

@@ -17,7 +17,7 @@ use std::ops::Range;
 /// Number of readings after which `record` judges again whether the robot is still: half a second.
 const CHECK: usize = 100;
 
-/// How well pings tell the rate of the board's clock, relative.
+/// Relative standard uncertainty of the board's clock rate from pings.
 pub(super) const CLOCK_U: f64 = 1e-5;
 
 /// A rig with its sensor.
@@ -25,7 +25,7 @@ pub(super) const CLOCK_U: f64 = 1e-5;
 pub struct Rig {
     /// The sensor.
     pub part: Part,
-    /// What was measured of it.
+    /// Its measured errors.
     pub measured: Option<MeasuredSensorMeta>,
     /// The phases of its trials.
     pub phases: Phases,
@@ -85,7 +85,7 @@ impl Rig {
             Start::AtRest => f64::INFINITY,
             Start::Late { late_s, .. } => late_s + powered.time_s(),
         };
-        // What is left of the earlier motion is added.
+        // The rest of the earlier motion is added.
         let body = |time_s: f64| {
             let (own, left) = (motion.at(time_s), motion.left(late_s + time_s - start_s));
             body([0, 1, 2].map(|k| own[k] + left[k]))

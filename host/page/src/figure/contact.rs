@@ -1,5 +1,5 @@
-//! How the flagella of a modelled trial come together: their gap, how they wind around each other, and a ribbon that says when
-//! they are apart, in touch and bundled.
+//! Contact of the flagella over a modelled trial: their gap, their winding around each other, and a ribbon that shows when they
+//! are apart, in touch or bundled.
 
 use super::forces::range;
 use super::panel::{Axis, LEFT_MM, Panel, RIGHT_MM};
@@ -22,7 +22,7 @@ const RIBBON: [(Bundling, &str, &str); 3] = [
 /// Draws gap, winding and ribbon of a trial.
 ///
 /// # Errors
-/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has no such data, which only models have; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
     let [from, to] = range(data, time_s)?;

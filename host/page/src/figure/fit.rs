@@ -11,10 +11,10 @@ const RIGHT_MM: f64 = 3.0;
 /// Height of a bar's line.
 const BAR_MM: f64 = 2.6;
 
-/// The colours of the fits, which also differ in their marks' places.
+/// The colours of the fits. The places of their marks differ, too.
 const COLOURS: [&str; 4] = [MEASURED, MODEL, FLAGELLA[1], FLAGELLA[0]];
 
-/// The most fits that a figure tells apart.
+/// Largest number of fits that a figure distinguishes.
 pub(super) const MOST_FITS: usize = COLOURS.len();
 
 /// A fit, and the name of its file.

@@ -8,7 +8,7 @@ use study::trial::Data;
 
 const PANEL_MM: f64 = 24.0;
 
-/// Returns the time to draw, s from the start of the run, or that of all forces.
+/// Returns the time to draw, s from the start of the run; by default the time of all forces.
 ///
 /// # Errors
 /// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the

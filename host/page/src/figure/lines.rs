@@ -9,7 +9,7 @@ const PANEL_MM: f64 = 52.0;
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#5a6570"];
 const DASHES: [&str; 3] = ["", "3 1.5", "1 1.2"];
 
-/// The largest number of curves with a colour and dashes of their own.
+/// Largest number of curves with distinct colours and dashes.
 pub(super) const MOST: usize = COLOURS.len() * DASHES.len();
 
 /// A curve: its points in the order of x.
@@ -24,13 +24,13 @@ pub(super) struct Curve {
 pub(super) struct Point {
     pub x: f64,
     pub y: f64,
-    /// Half the height of the band; NaN where none is known.
+    /// Half the height of the band; NaN if it is unknown.
     pub half: f64,
-    /// Whether the value is that of a steady state; other points have an empty mark.
+    /// Whether the value is of a steady state; other points have an empty mark.
     pub is_steady: bool,
 }
 
-/// Draws the curves. `by` is what tells them apart, `under` lines below the axis.
+/// Draws the curves. `by`: the quantity that distinguishes them; `under`: lines of text below the axis.
 pub(super) fn draw(curves: &[Curve], [x, y]: [&str; 2], by: &str, under: &[String], width_mm: f64) -> String {
     let mut sheet = Sheet::new(width_mm);
     let points = || curves.iter().flat_map(|curve| &curve.points);
@@ -60,7 +60,7 @@ pub(super) fn draw(curves: &[Curve], [x, y]: [&str; 2], by: &str, under: &[Strin
     sheet.svg(bottom + 0.6 * FONT_PT)
 }
 
-/// Returns an axis over values of any unit: equal ones get a tenth of their size.
+/// Returns an axis over values of any unit. For equal values it spans a tenth of their size.
 fn axis(values: &[f64], label: &str) -> Axis {
     let largest = values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     Axis::about(values.iter().copied(), if largest > 0.0 { 0.1 * largest } else { 1.0 }, label)
@@ -70,7 +70,7 @@ fn stroke(k: usize) -> Stroke<'static> {
     Stroke(COLOURS[k % COLOURS.len()], 0.9, DASHES[(k / COLOURS.len()).min(DASHES.len() - 1)])
 }
 
-/// Draws what the curves are, in as many rows as it takes; returns how many.
+/// Draws the legend of the curves; returns its number of rows.
 fn legend(sheet: &mut Sheet, curves: &[Curve], by: &str) -> f64 {
     if by.is_empty() {
         return 0.0;

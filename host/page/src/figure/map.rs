@@ -9,7 +9,7 @@ use crate::swept::CONTOUR_NODES;
 use crate::viridis::colour;
 use study::statistics::distinct;
 
-/// The most cells along an axis: more are too small to see.
+/// Largest number of cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 80;
 
 /// A value at a point of both axes.
@@ -34,7 +34,7 @@ pub(super) enum Mark {
 }
 
 impl Mark {
-    /// Draws the sign in two colours: one of them is seen on any colour of the scale.
+    /// Draws the sign in two colours, so that one of them is visible on any colour of the scale.
     fn draw(self, sheet: &mut Sheet, [x, y]: [f64; 2], colour: &str) {
         match self {
             Self::Cross => {
@@ -58,14 +58,14 @@ pub(super) struct Map<'a> {
     pub title: &'a str,
     pub surface: Vec<Point>,
     pub points: Vec<Point>,
-    /// Where a point has no known value.
+    /// Places of points without a known value.
     pub unknown: &'a [[f64; 2]],
 }
 
 /// Half the width of a square, pt.
 const SQUARE_PT: f64 = 1.1;
 
-/// The least length of a contour with a label, in widths of the label: of a shorter one too little is seen.
+/// Least length of a contour with a label, in widths of the label, which would hide too much of a shorter one.
 const SEEN: f64 = 3.0;
 
 /// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
@@ -167,7 +167,7 @@ fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
     colour_bar(sheet, panel, &scale, &levels, &shade);
 }
 
-/// Draws the contours of the positive levels, each with its value where there is room and where it covers none of `marks`.
+/// Draws the contours of the positive levels, each labelled with its value if there is room and the label covers none of `marks`.
 fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], marks: &[[f64; 2]]) {
     let at = |[x, y]: [f64; 2]| panel.at(x, y);
     let lines: Vec<(f64, Vec<[[f64; 2]; 2]>)> = (levels.iter().filter(|level| **level > 0.0))
@@ -228,8 +228,8 @@ fn frame(sheet: &mut Sheet, panel: &Panel, grid: Option<&Grid>) {
     sheet.upright(panel.left - 16.0, panel.top + 0.5 * panel.height, &panel.y.label);
 }
 
-/// Returns the values of an axis that have labels: the nodes of a grid if they are few, even and whole, or round values. A cell
-/// reaches beyond its point, and nothing is known there.
+/// Returns the values of an axis that have labels: the nodes of a grid if they are few, even and whole, or round values. Nothing
+/// is known beyond the outermost points, though their cells reach further.
 fn ticks(axis: &Axis, nodes: Option<&[f64]>, most: f64) -> Vec<f64> {
     let Some(nodes @ [first, second, ..]) = nodes else { return axis.ticks(most) };
     let (span, step) = (nodes[nodes.len() - 1] - first, second - first);
@@ -272,7 +272,7 @@ impl Grid {
         Some(Self { xs, ys, values })
     }
 
-    /// Fills the cell of each node; between two nodes is a border, and as far beyond the outermost.
+    /// Fills the cell of each node. Borders are midway between nodes, and equally far beyond the outermost ones.
     fn cells(&self, sheet: &mut Sheet, panel: &Panel, shade: &dyn Fn(f64) -> String) {
         let borders = |nodes: &[f64], axis: &Axis| -> Vec<f64> {
             let between: Vec<f64> = nodes.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
@@ -290,8 +290,8 @@ impl Grid {
         }
     }
 
-    /// Returns the line of one positive level as straight pieces. A magnitude has a corner where its value changes its sign, which
-    /// may be between nodes: the line is that of both signed values.
+    /// Returns the line of one positive level as straight pieces. A magnitude has a corner where its value changes sign, possibly
+    /// between nodes, so the lines of both signed values are used.
     fn contour(&self, level: f64) -> Vec<[[f64; 2]; 2]> {
         [level, -level].into_iter().flat_map(|level| self.line(level)).collect()
     }
@@ -313,7 +313,7 @@ impl Grid {
                 };
                 let mut crossings: Vec<[f64; 2]> = (0..4).filter_map(crossing).collect();
                 let middle = corners.iter().map(|(_, value)| value).sum::<f64>() / 4.0;
-                // At a saddle, the middle tells which corners belong together.
+                // At a saddle, the middle determines which corners belong together.
                 if crossings.len() == 4 && (middle < level) == (corners[0].1 < level) {
                     crossings.rotate_left(1);
                 }

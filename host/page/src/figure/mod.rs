@@ -1,7 +1,7 @@
 //! Figures for a paper: drawn as SVG at the printed width, with all text of 7 pt.
 //!
-//! Figures are drawn by own functions. They need two linear axes, curves, bands, dots and cells, and exact sizes on
-//! paper, which the plotting libraries for Rust do not offer (they place text by pixels).
+//! This module draws figures itself. They need two linear axes, curves, bands, dots and cells, and exact sizes on paper, which
+//! the plotting libraries for Rust do not offer (they place text by pixels).
 
 mod contact;
 mod fit;
@@ -81,8 +81,8 @@ impl Subject<'_> {
     }
 }
 
-/// Returns whether two sessions of different robots, closures or speeds are drawn together: replays with another robot were asked
-/// for.
+/// Returns how to handle two sessions of different robots, closures or speeds. Replays are accepted, because the user requested
+/// any other robot.
 fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch, PageError> {
     let are_replays = swept::table_of(session).is_none() && *other == Source::open(session)?.replay_folder();
     Ok(OnMismatch::of(are_replays, anyway))
@@ -93,18 +93,18 @@ fn of_sessions(session: &Path, other: &Path, anyway: bool) -> Result<OnMismatch,
 pub struct Figure {
     svg: String,
     provenance: Provenance,
-    /// What is to be said about it.
+    /// Findings, warnings and notes about it.
     pub remarks: Remarks,
 }
 
 impl Figure {
-    /// Replaces a part of the names of its logs, in where it comes from and in what is said about it.
+    /// Replaces a part of the names of its logs, in its provenance and in its remarks.
     pub fn rename_logs(&mut self, from: &str, to: &str) {
         let of_findings = self.remarks.findings.iter_mut().map(|of_log| &mut of_log.log);
         self.provenance.logs.iter_mut().chain(of_findings).for_each(|name| *name = name.replace(from, to));
     }
 
-    /// Returns the content of its file, with where it comes from.
+    /// Returns the content of its file, with its provenance.
     ///
     /// # Errors
     /// [`PageError`].
@@ -122,7 +122,7 @@ impl Figure {
     }
 }
 
-/// What is to be said about a figure.
+/// Findings, warnings and notes about a figure.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Remarks {
     /// Findings about the logs that it shows, and about those that it leaves out.
@@ -342,8 +342,8 @@ pub fn scatter(measured: &Path, predicted: &Path, anyway: bool, width_mm: f64) -
     Ok(Figure { svg, provenance, remarks: Remarks { findings: comparison.findings, warnings, notes: Vec::new() } })
 }
 
-/// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
-/// about its logs, and the logs.
+/// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds the remarks about its logs,
+/// and the logs.
 fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Steady, PageError> {
     let session = Session::open(session)?;
     let states = session.intact_states()?;
@@ -351,7 +351,7 @@ fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Resu
     let attempts: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
     let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, PageError> {
         let trial = match log.read(Want { hash: true, ..Want::default() }) {
-            // What is no log is no point of the map either.
+            // A file that is not a log is not a point of the map either.
             Err(error) if state.complete().is_none() && !error.is_of_reading() => {
                 return Ok((None, Vec::new(), None, None));
             }

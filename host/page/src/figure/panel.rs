@@ -61,7 +61,7 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// Draws a panel across the sheet with the words of its axes, those of the x axis with `has_x`.
+    /// Draws a panel across the sheet with the labels of its axes, of the x axis only with `has_x`.
     pub fn across(sheet: &mut Sheet, x: Axis, y: Axis, top: f64, height_mm: f64, has_x: bool) -> Self {
         let width = sheet.width - (LEFT_MM + RIGHT_MM) * MM;
         let panel = Self { x, y, left: LEFT_MM * MM, top, width, height: height_mm * MM };
@@ -70,7 +70,7 @@ impl Panel {
         panel
     }
 
-    /// Returns where a point is on the sheet.
+    /// Returns the position of a point on the sheet.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         [self.left + self.x.share(x) * self.width, self.top + (1.0 - self.y.share(y)) * self.height]
     }

@@ -1,7 +1,7 @@
 //! A figure as the content of its file: SVG, PDF or PNG.
 //!
-//! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide. PDF and PNG
-//! have the shapes of its font inside.
+//! An SVG names its font. A viewer without that font takes Arial or Helvetica, whose letters have the same widths. PDF and PNG
+//! contain the shapes of the letters.
 
 use crate::PageError;
 use resvg::{tiny_skia, usvg};

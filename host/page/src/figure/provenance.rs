@@ -1,4 +1,4 @@
-//! Where a figure comes from, inside its file: title, command, program, and the logs with their SHA-256.
+//! The provenance of a figure, inside its file: title, command, program, and the logs with their SHA-256.
 //!
 //! An SVG has it as `<title>` and `<desc>`, a PNG as text of the keywords `Title` and `Description`, a PDF as title and
 //! subject of its information dictionary.
@@ -13,10 +13,10 @@ use study::text::{hex, printable};
 use study::trial::Data;
 use system::shell::command_line;
 
-/// Logs that are listed at most; a map may have ten thousand.
+/// Largest number of listed logs; a map may have ten thousand.
 const MAX_LOGS: usize = 500;
 
-/// Where a figure comes from.
+/// The provenance of a figure.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(super) struct Provenance {
     title: String,
@@ -28,12 +28,12 @@ impl Provenance {
         Self { title: title.into(), logs: logs.into_iter().collect() }
     }
 
-    /// Returns a log as a line; its hash is known if it was wanted.
+    /// Returns a log as a line, with its hash if it was computed.
     pub fn log(data: &Data) -> String {
         line("log", &data.path, data.sha256.as_deref())
     }
 
-    /// Returns another file as a line, after what it is.
+    /// Returns another file as a line, after its kind.
     pub fn file(what: &str, path: &Path) -> String {
         let sum = std::fs::read(path).map(|bytes| hex(&Sha256::digest(bytes)));
         line(what, path, sum.ok().as_deref())

@@ -27,7 +27,7 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
         sides => sides.names(),
     };
     let (left, right, top, under) = (11.0 * MM, 1.5 * MM, 2.0 * MM, 9.5 * MM);
-    // Three in a row where a panel is 30 mm wide at least.
+    // Three in a row if each panel is at least 30 mm wide.
     let columns = if sheet.width >= 3.0 * (left + right + 30.0 * MM) { 3 } else { 2 };
     let column = sheet.width / columns as f64;
     let size = column - left - right;

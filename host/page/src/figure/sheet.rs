@@ -2,18 +2,18 @@
 
 use maud::{Markup, PreEscaped, html};
 
-/// Points of a millimetre.
+/// Points per millimetre.
 pub(super) const MM: f64 = 72.0 / 25.4;
 
 /// Size of all text, pt: journals ask for 7 at least in the printed width.
 pub(super) const FONT_PT: f64 = 7.0;
 
-/// The font of a figure, and what stands in for it where an SVG is shown without it: both have the widths of Arial.
+/// The font of a figure, and its substitutes in viewers of SVG: all have the widths of Arial.
 const FONT: &str = "Liberation Sans, Arial, Helvetica, sans-serif";
 
 pub(super) const INK: &str = "#1c2329";
 pub(super) const GRID: &str = "#dfe3e6";
-/// The colours of Okabe and Ito can be told apart with any colour vision; curves also differ in their dashes.
+/// The colours of Okabe and Ito, which are distinct for any colour vision; curves also differ in their dashes.
 pub(super) const MEASURED: &str = "#0072b2";
 pub(super) const MODEL: &str = "#d55e00";
 pub(super) const FLAGELLA: [&str; 2] = ["#cc79a7", "#009e73"];
@@ -22,7 +22,7 @@ pub(super) const FLAGELLA: [&str; 2] = ["#cc79a7", "#009e73"];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stroke<'a>(pub &'a str, pub f64, pub &'static str);
 
-/// A sheet of a fixed width, as high as what is drawn on it.
+/// A sheet of a fixed width, as high as its content.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub width: f64,
@@ -100,7 +100,7 @@ impl Sheet {
     /// Draws what `draw` adds within a rectangle only.
     pub fn clipped(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], draw: impl FnOnce(&mut Self)) {
         let [x, y, width, height] = [x, y, width, height].map(short);
-        // A page may have several figures, and takes the first of equal ids.
+        // A page may have several figures, and browsers take the first of equal ids.
         let id = format!("clip_{x}_{y}_{width}_{height}");
         if !self.body.contains(&format!("id=\"{id}\"")) {
             self.add(&html! { clipPath id=(id) { rect x=(x) y=(y) width=(width) height=(height) {} } });
@@ -135,7 +135,7 @@ impl Sheet {
     }
 }
 
-/// A coordinate to a hundredth of a point.
+/// Returns a coordinate to a hundredth of a point.
 pub(super) fn short(value: f64) -> String {
     format!("{}", (value * 100.0).round() / 100.0)
 }

@@ -9,7 +9,7 @@ use study::trial::Judged;
 /// Gap between two pictures.
 const GAP_MM: f64 = 1.0;
 
-/// Width of a picture for the camera, pixels: it sets the scale of what it returns.
+/// Width of a picture for the camera, pixels, which sets the scale of its coordinates.
 const CAMERA_PX: u16 = 300;
 
 /// The pictures' largest height.
@@ -18,7 +18,7 @@ const MOST_HEIGHT_MM: f64 = 80.0;
 /// Height of a line of text.
 const LINE_PT: f64 = 1.15 * FONT_PT;
 
-/// Share of white in the colour of what is farthest.
+/// Share of white in the colour of the farthest parts.
 const HAZE: f64 = 0.45;
 
 /// Draws the robot at `moments` times of a trial, the first and the last at the ends of the time.

@@ -13,16 +13,16 @@ use study::sweep::{Folder, is_folder};
 use study::trial::AtSpeeds;
 use study::twin::Maker;
 
-/// Which result of a sweep is drawn over which inputs.
+/// The result of a sweep to draw, and its inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Lines<'a> {
     /// The result, such as `yaw_deg`.
     pub value: &'a str,
     /// The input along the axis.
     pub over: &'a str,
-    /// The input that tells the curves apart; `None` for one curve.
+    /// The input that distinguishes the curves; `None` for one curve.
     pub by: Option<&'a str>,
-    /// Values of the other inputs; by default those that most points have.
+    /// Values of the other inputs; by default the values that most points have.
     pub at: &'a [(String, f64)],
 }
 
@@ -118,7 +118,7 @@ fn note_on_chosen(fixed: &[swept::At], at: &[(String, f64)]) -> Option<String> {
         .then(|| format!("drawn at {}, which most points have: --at chooses another", in_columns(&chosen)))
 }
 
-/// A number with four digits.
+/// Returns a number with four digits.
 fn short_number(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).max(0) };
     let scale = 10_f64.powi(digits);
@@ -140,16 +140,16 @@ fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> PageError {
     PageError::wrong_use(table, reason, help)
 }
 
-/// What a map shows.
+/// The content of a map.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Steady {
     /// The steady angles, at different speeds.
     pub known: Vec<AtSpeeds<()>>,
     /// The speeds at which not even the means are known.
     pub unknown: Vec<[f64; 2]>,
-    /// Whether they hold for one starting phase, where that matters.
+    /// Whether they are of a single starting phase at speeds where it matters.
     pub one_phase: bool,
-    /// What gave them, unless it was the model.
+    /// Their source, unless it is the model.
     pub measured: Option<&'static str>,
     /// The robot, if it is known.
     pub maker: Option<Maker>,
@@ -195,7 +195,7 @@ pub(super) fn steady(
         first: (),
     };
     let one_phase = swept.of_one_phase() > 0;
-    // Where the robot varies, the line below the axes says which of its values are drawn.
+    // If the robot varies, the line below the axes states which of its values are drawn.
     let folder = table.parent().filter(|folder| fixed.is_empty() && is_folder(folder)).map(Folder::open).transpose();
     let folder = folder.map_err(|error| wrong(error.to_string()))?;
     let robot = folder.and_then(|folder| folder.sweep.point(0).robot.ok());

@@ -90,7 +90,7 @@ pub(super) fn draw(
     Ok(sheet.svg(top + 5.0 * MM))
 }
 
-/// Returns what gives half of the 95 % band of an angle at a point; NaN where none is known.
+/// Returns a function for half of the 95 % band of an angle at a point; NaN if it is unknown.
 fn half(trial: &Judged) -> impl Fn(&Point, usize) -> f64 {
     let Judged { data, angles: zeroed, .. } = trial;
     // The band of pitch and roll is that of a mean over 2 s at the end of the run, the shortest time whose noise is known.

@@ -30,10 +30,10 @@ const FRAME_S: f64 = 0.04;
 /// Most frames of a film: at 25 frames a second, four minutes.
 const MAX_FRAMES: usize = 6000;
 
-/// Frames that are drawn at the same time.
+/// Number of frames that are drawn in parallel.
 const AT_ONCE: usize = 64;
 
-/// What is filmed, and how.
+/// Options of a film.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Options {
     /// The time to show, s from the start of the run; `None`: the run.
@@ -66,7 +66,7 @@ struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// Draws all frames in their order, a few at the same time. `convert` turns the drawn pixels into what `write` takes.
+    /// Draws all frames in their order, a few in parallel. `convert` converts the drawn pixels to the input of `write`.
     fn each<T: Send>(
         &self,
         convert: impl Fn(&[Rgb]) -> T + Sync,
@@ -85,8 +85,8 @@ impl Frames<'_> {
     }
 }
 
-/// Writes the film of a log. `drawn` is called with the number of frames that are drawn and of all, first before any is drawn:
-/// not at all if nothing can be written.
+/// Writes the film of a log. `drawn` is called with the numbers of drawn frames and of all frames, first before any is drawn;
+/// never if nothing can be written.
 ///
 /// # Errors
 /// [`PageError`].

@@ -38,7 +38,7 @@ impl Moving {
         self.angles_deg.at(time_s)
     }
 
-    /// Returns what is seen of the robot at a time of the trial, from the farthest to the nearest.
+    /// Returns the visible solids of the robot at a time of the trial, from the farthest to the nearest.
     pub(crate) fn seen(&self, time_s: f64) -> Vec<Seen> {
         self.picture.seen(&self.solids(time_s))
     }

@@ -5,13 +5,13 @@ use super::render::{BACKGROUND, BASE, CHART, DIAL, FLAGELLA, Rgb};
 /// Index of the pixels that a frame leaves as they are.
 pub(super) const TRANSPARENT: u8 = 255;
 
-/// Shades of what is lit.
+/// Number of shades of lit surfaces.
 const SHADES: usize = 36;
 
-/// Shades at edges, each with three shares of background.
+/// Number of shades at edges, each with three shares of background.
 const EDGE_SHADES: usize = 12;
 
-/// Bits of each part of a colour by which its index is found.
+/// Bits of each component of a colour in the table of indices.
 const BITS: u32 = 5;
 
 /// The colours, and the index of the nearest one for every colour.

@@ -52,7 +52,7 @@ impl Picture {
     }
 
     /// Returns red, green and blue of each pixel, row by row from the upper left. `angles_deg`: yaw, pitch, roll; `lines`: the
-    /// centre lines of both flagella, body axes, m; `None`: those at rest.
+    /// centre lines of both flagella, body axes, m; `None`: the lines at rest.
     pub fn rgb(&self, angles_deg: [f64; 3], lines: Option<Lines>) -> Vec<u8> {
         let lines = lines.unwrap_or_else(|| at_rest(&self.robot));
         self.draw(&self.solids(angles_deg, lines)).into_iter().flat_map(bytes).collect()
@@ -82,7 +82,7 @@ impl Picture {
         seen
     }
 
-    /// Returns what is seen of the robot, world axes.
+    /// Returns the solids of the robot, world axes.
     pub(super) fn solids(&self, angles_deg: [f64; 3], lines: Lines) -> Vec<Solid> {
         let [yaw, pitch, roll] = angles_deg.map(f64::to_radians);
         let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);

@@ -112,7 +112,7 @@ impl Camera {
         (self.forward + self.right * right + self.up * up).normalize()
     }
 
-    /// Returns where a point is on the image, pixels, its distance along the view, m, and the pixels of a metre there.
+    /// Returns the position of a point on the image, pixels, its distance along the view, m, and the pixels per metre there.
     pub(super) fn project(&self, point: V3) -> ([f64; 2], f64, f64) {
         let from = point - self.eye;
         let depth = from.dot(&self.forward);
@@ -129,7 +129,7 @@ impl Camera {
             if depth <= solid.radius {
                 return None;
             }
-            // A sphere off the middle is seen as an ellipse, which is longer than its radius.
+            // A sphere off the middle is seen as an ellipse, whose long half axis exceeds the sphere's radius.
             let reach = 1.3 * solid.radius * self.scale / (depth - solid.radius) + 1.0;
             for (bound, centre) in bounds.iter_mut().zip(centre) {
                 *bound = [bound[0].min(centre - reach), bound[1].max(centre + reach)];
@@ -166,7 +166,7 @@ impl Camera {
             }
         }
         let mean = |samples: &[(f64, Rgb)]| -> Rgb {
-            // What is the same in all samples keeps its exact colour.
+            // A pixel with equal samples keeps its exact colour.
             if samples.iter().all(|(_, colour)| *colour == samples[0].1) {
                 return samples[0].1;
             }

@@ -69,7 +69,7 @@ impl Scene {
     }
 }
 
-/// Returns the heights of a curve within a chart of so many pixels.
+/// Returns the heights of a curve within a chart of `height` pixels.
 fn curve(values: &[f64], height: usize) -> Vec<f64> {
     let [low, high] = extremes(values.iter().copied());
     // A yaw that does not change is a line in the middle.

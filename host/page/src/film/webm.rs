@@ -16,14 +16,14 @@ const QUALITY: &str = "30";
 /// Writes the frames to a file.
 ///
 /// # Errors
-/// [`ErrorKind::Unsupported`] if the encoder is not installed; what the encoder says; what kept the file from being written.
+/// [`ErrorKind::Unsupported`] if the encoder is not installed; the encoder's message; the error of writing the file.
 pub(super) fn encode(frames: &Frames, file: &File) -> io::Result<()> {
     let mut encoder = start(frames.scene.size(), file).map_err(|error| match error.kind() {
         ErrorKind::NotFound => io::Error::from(ErrorKind::Unsupported),
         _ => error,
     })?;
     let fed = feed(&mut encoder, frames);
-    // An encoder that fails closes its end of the pipe. Then its own words tell more than the pipe's.
+    // An encoder that fails closes its end of the pipe. Then its own message is more informative than the error of the pipe.
     let ended = encoder.wait_with_output()?;
     if !ended.status.success() {
         let said = String::from_utf8_lossy(&ended.stderr);
@@ -33,7 +33,7 @@ pub(super) fn encode(frames: &Frames, file: &File) -> io::Result<()> {
     fed
 }
 
-/// Starts the encoder. Its output is a file, not a pipe: at the end it writes duration and index to the file's begin.
+/// Starts the encoder. Its output is a file, not a pipe: at the end it writes duration and index to the beginning of the file.
 fn start([width, height]: [u16; 2], file: &File) -> io::Result<Child> {
     let rate = format!("{}", 1.0 / FRAME_S);
     Command::new(ENCODER)

@@ -1,12 +1,12 @@
-//! How much data of a trial a page can hold.
+//! The amount of data of a trial that a page can hold.
 
 /// Most bytes of data of all trials on a page. With the scripts and the texts, a page stays below 10 MB.
 pub(super) const DATA_BYTES: usize = 6_400_000;
 
-/// The most events that a page lists and marks.
+/// Largest number of events that a page lists and marks.
 pub(super) const MAX_EVENTS: usize = 200;
 
-/// The most bytes of text for the data of a trial on a page.
+/// Largest number of bytes of text for the data of a trial on a page.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ByteBudget(pub(super) usize);
 
@@ -27,7 +27,7 @@ impl ByteBudget {
         self.0 / 4 * 3
     }
 
-    /// Returns how many events to list.
+    /// Returns the number of events to list.
     pub(super) fn events(self) -> usize {
         (self.0 / 1_000).min(MAX_EVENTS)
     }

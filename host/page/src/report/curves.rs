@@ -18,10 +18,10 @@ use study::attitude::Columns;
 use study::trial::{Data, Event, LinkSecond, Shapes, Zeroed};
 use study::twin::{Compared, Point};
 
-/// The most bars of the link's chart.
+/// Largest number of bars of the link's chart.
 const MAX_BARS: usize = 400;
 
-/// The most rows of motor angles: linear interpolation between two rows is at most a few degrees off.
+/// Largest number of rows of motor angles: linear interpolation between two rows is at most a few degrees off.
 const MAX_TURNS: usize = 4_000;
 
 /// Bytes of text of a row of motor angles: three numbers of 32 bits.
@@ -56,9 +56,9 @@ pub(super) struct Curves {
     pub sample_s: f64,
     /// Length of the stretches whose range the charts of the attitude show; `None` if they show every sample.
     pub attitude_range_s: Option<f64>,
-    /// The same of the chart of the speeds.
+    /// The same for the chart of the speeds.
     pub motors_range_s: Option<f64>,
-    /// The same of the charts of the forces.
+    /// The same for the charts of the forces.
     pub forces_range_s: Option<f64>,
     /// Shapes of the flagella per second; 0: rigid helices.
     pub shapes_per_s: f64,
@@ -217,7 +217,7 @@ fn phases(data: &Data) -> Vec<(String, f64, f64)> {
     (0..begins.len()).filter(shown).map(|i| (clip(&begins[i].text, 20), span(i).start, span(i).end)).collect()
 }
 
-/// Returns when the flagella begin to be apart, in touch or bundled, and what they are then.
+/// Returns the changes between flagella apart, in touch and bundled: time and new state.
 fn bundling(data: &Data, shift_s: f64) -> Vec<(f64, Bundling)> {
     let changes = data.records.steady.as_ref().map(|steady| steady.bundling_changes.as_slice()).unwrap_or_default();
     changes.iter().map(|change| (change.time_s + shift_s, change.bundling)).take(MAX_EVENTS).collect()

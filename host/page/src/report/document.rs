@@ -8,7 +8,7 @@ pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"))
 
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
-/// What draws a trial: charts and the robot.
+/// Scripts that draw a trial: charts and the robot.
 const DRAWING: [&str; 12] = [
     include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
@@ -24,7 +24,7 @@ const DRAWING: [&str; 12] = [
     include_str!("assets/scene.js"),
 ];
 
-/// What is only on pages of what is over.
+/// Scripts that are only on pages of completed trials.
 const REPORT: [&str; 9] = [
     include_str!("assets/address.js"),
     include_str!("assets/save.js"),
@@ -37,7 +37,7 @@ const REPORT: [&str; 9] = [
     include_str!("assets/page.js"),
 ];
 
-/// What is only on the page of a recording that runs.
+/// Scripts that are only on the page of a running recording.
 const LIVE: [&str; 1] = [include_str!("assets/live.js")];
 
 /// Returns a page. `kind` is the class of its body, `data` the elements that the scripts read.
@@ -49,7 +49,7 @@ pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Mar
     document(title, kind, body, data, &REPORT, "")
 }
 
-/// Returns the page of a recording that runs, which may ask the program that serves it.
+/// Returns the page of a running recording, which may send requests to the program that serves it.
 pub(super) fn live(title: &str, body: &Markup, data: &Markup) -> Markup {
     document(title, "one live", body, data, &LIVE, " connect-src 'self';")
 }

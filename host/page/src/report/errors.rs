@@ -1,4 +1,4 @@
-//! The errors of a comparison by angle, with what limits them.
+//! The errors of a comparison by angle, with the parts that limit them.
 
 use super::scroll::scrolled;
 use super::text::{degrees, number};

@@ -161,7 +161,7 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     facts.into_iter().map(|(name, value)| (name, clip(&value, 600))).collect()
 }
 
-/// Returns with what the log is compared, and how both were aligned.
+/// Returns the other log of the comparison, and the alignment of both.
 fn compared(view: &View) -> Vec<(&'static str, String)> {
     let Some(comparison) = &view.comparison else { return Vec::new() };
     let mut facts = Vec::new();

@@ -1,6 +1,6 @@
-//! The page of a recording that runs: the robot, its curves so far, and the trials of the session.
+//! The page of a running recording: the robot, its curves so far, and the trials of the session.
 //!
-//! The page is served by the program that records, and asks it for what is new. Its parts are those of the report.
+//! The recording program serves the page, which requests updates from it. Its parts are those of the report.
 
 use super::heat_map::{self, Map, Point};
 use super::session_page::MAPS;
@@ -16,7 +16,7 @@ use study::plan::Plan;
 use study::text::printable;
 use study::trial::{AtSpeeds, Shapes, mean_of_repeats};
 
-/// Returns the page of a session of so many trials.
+/// Returns the page of a session of `trials` trials.
 pub fn live_page(plan: &Plan, trials: usize) -> String {
     let robot: Robot = plan.robot.parse().unwrap_or_default();
     let has_tank = robot.tank.is_some();
@@ -84,8 +84,8 @@ fn readout() -> Markup {
     values(&["measured"], &[&angles[..], &speeds].concat())
 }
 
-/// Returns the maps of yaw and pitch over both speeds, from each trial's speeds (rpm) and angles (degrees) where it has
-/// them. The other pairs have empty cells. Few pairs make no map.
+/// Returns the maps of yaw and pitch over both speeds, from each trial's speeds (rpm) and its angles (degrees), if it has them.
+/// Pairs without angles have empty cells. Few pairs make no map.
 pub fn live_maps(trials: &[([f64; 2], Option<[f64; 3]>)]) -> String {
     let trial = |(speeds_rpm, angles_deg): &([f64; 2], Option<[f64; 3]>)| {
         Some(AtSpeeds::of_trial(*speeds_rpm, (*angles_deg)?, true, ()))
@@ -117,7 +117,7 @@ mod tests {
         let page = live_page(&plan, 3);
         assert!(page.contains("connect-src 'self'; base-uri 'none'") && page.contains("new biflag.LiveTrial"));
         assert!(!page.contains("<script>alert") && page.contains("&lt;script&gt;alert") && page.contains("3 trials"));
-        // Only a robot in a tank has a view of it.
+        // Only a robot in a tank has a view of the tank.
         let text = include_str!("../../../plans/robot-tank.toml").to_owned();
         let in_tank = Plan { robot: RobotFile { name: "robot-tank.toml".to_owned(), text }, ..plan };
         let has_view = |page: &str| page.contains(r#"data-look="tank""#);

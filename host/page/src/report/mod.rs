@@ -46,7 +46,7 @@ use study::trial::{LogFinding, Want};
 use study::twin::{SessionComparison, Skipped};
 use view::Warning;
 
-/// The most trials of a session that are all printed; of a larger session, only the open trial is printed.
+/// Largest number of trials of a session that are all printed; of a larger session, only the open trial is printed.
 const MAX_PRINTED: usize = 20;
 
 /// A written page.
@@ -57,15 +57,15 @@ pub struct Written {
     pub html: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// How many trials it shows.
+    /// Number of trials that it shows.
     pub trials: usize,
-    /// How many warnings it shows, without its notes.
+    /// Number of warnings that it shows, without its notes.
     pub warnings: usize,
     /// Findings about the logs that it shows, and about those that it leaves out.
     pub findings: Vec<LogFinding>,
 }
 
-/// Which page is written. The two have different names, so that neither replaces the other.
+/// The kind of a page. The two kinds have different names, so that neither page replaces the other.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
     /// A log or a session by itself: `LOG.html`, or `report.html` in the session's folder.
@@ -75,7 +75,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The page's default place.
+    /// Returns the page's default path.
     fn place(self, path: &Path) -> PathBuf {
         match (self, path.is_dir()) {
             (Self::Report, true) => path.join("report.html"),
@@ -91,7 +91,7 @@ pub fn want(budget: ByteBudget) -> Want {
     Want { forces: true, shapes: budget.frames(), ..Want::default() }
 }
 
-/// The budget of each trial on the page of a log or session.
+/// Returns the budget of each trial on the page of a log or session.
 ///
 /// # Errors
 /// [`SessionError`].
@@ -134,7 +134,7 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, PageError
     put(out, &page_of_log(&view), [1, graves(&view)], view.findings)
 }
 
-/// Returns the page of a log as text, within the budget of a page with so many trials.
+/// Returns the page of a log as text, within the budget of a page with `trials` trials.
 ///
 /// # Errors
 /// [`LogError`].
@@ -232,7 +232,7 @@ fn row(state: &TrialState, comparison: Option<&SessionComparison>, views: &[View
         Some(Err(error)) => RowState::Unreadable(error.to_string()),
     };
     let speeds_rpm = match &state {
-        // The plan has the speeds that it began with.
+        // The plan of a steered trial has only the feed-forward.
         RowState::Shown(view) if view.records.steer.is_some() => view.speeds_rpm,
         _ => trial.final_speeds().map(|speed| speed.rpm()),
     };
@@ -244,8 +244,8 @@ fn view(log: &Attempt, budget: ByteBudget) -> Result<View, LogError> {
     Ok(View::new(&log.read(want(budget))?, None, budget))
 }
 
-/// Returns the data of a trial. Those of a session have their section as text: a browser needs longer for the elements of many
-/// trials than for all the rest, and the reader opens few of them.
+/// Returns the data of a trial. The section of a session's trial is stored as text: a browser needs longer for the elements of
+/// many trials than for everything else, and the reader opens few of them.
 fn data(view: &View, id: &str, session: Option<(&str, usize)>) -> Markup {
     if view.data.is_null() {
         return html! {};
@@ -287,7 +287,7 @@ fn footer(view: &View) -> Markup {
     }
 }
 
-/// Checks that a page may be written there: nothing is there, or an older page.
+/// Checks that a page may be written to `out`: the path is free, or has an older page.
 fn check(out: &Path) -> Result<(), PageError> {
     match std::fs::symlink_metadata(out) {
         Err(_) => Ok(()),
@@ -309,14 +309,14 @@ fn graves(view: &View) -> usize {
     view.warnings.iter().filter(|warning| warning.is_grave).count()
 }
 
-/// Writes a page of so many trials and warnings.
+/// Writes a page with these numbers of trials and warnings.
 fn put(
     out: &Path,
     page: &Markup,
     [trials, warnings]: [usize; 2],
     findings: Vec<LogFinding>,
 ) -> Result<Written, PageError> {
-    // Texts of plans and logs may hold anything.
+    // Texts of plans and logs may contain any characters.
     let text = printable(&page.0);
     output::replace(out, |file| file.write_all(text.as_bytes()))?;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings, findings })

@@ -17,14 +17,14 @@ struct Row {
     /// Table and name.
     key: String,
     value: String,
-    /// What the published file says about the key.
+    /// The comment on the key in the published file.
     meaning: String,
     /// The robot or the file that has this value.
     source: String,
 }
 
-/// Returns the table of those of `parameters`, a robot file with all keys, that differ from the built-in robot. `file`, named
-/// `name`, is the robot file that sets some of them.
+/// Returns the table of the values in `parameters`, a robot file with all keys, that differ from the built-in robot. `file`,
+/// named `name`, is the robot file that sets some of them.
 pub(super) fn table(parameters: &str, name: &str, file: &str) -> Markup {
     let rows = rows(parameters, name, file);
     let built_in = of_robot(&Robot::default());
@@ -45,7 +45,7 @@ pub(super) fn table(parameters: &str, name: &str, file: &str) -> Markup {
     }
 }
 
-/// Returns what the published robot file says about each key.
+/// Returns the comment on each key in the published robot file.
 pub(super) fn meanings() -> BTreeMap<String, String> {
     robot_keys().into_iter().collect()
 }
@@ -65,7 +65,7 @@ fn rows(parameters: &str, name: &str, file: &str) -> Vec<Row> {
             let note = notes.get(&key).filter(|note| !note.is_empty());
             note.map_or_else(|| name.to_owned(), |note| format!("{name}: {note}"))
         } else {
-            // The robot by name first; a file's other values are those of `physical`.
+            // The named robot comes first, then `physical`, which gives a file's other values.
             let same = |robot: &str| {
                 built_in.iter().any(|(built_in, all)| *built_in == robot && all.get(&key) == Some(&value))
             };

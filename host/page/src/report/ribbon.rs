@@ -1,4 +1,4 @@
-//! The ribbon over the charts of a trial: its phases, when the flagella touch, and what happened, with names.
+//! The ribbon over the charts of a trial: its phases, the contact of the flagella, and named events.
 
 use super::text::{clip, count, number};
 use biflag_log::schema::biflag::event::Kind;
@@ -7,10 +7,10 @@ use serde_json::Value;
 use sim::contact::bundling::Bundling;
 use study::trial::{Data, Event, LinkSecond};
 
-/// The most names. The charts mark what has none.
+/// Largest number of names. The charts also mark events without a name.
 const MOST_NAMES: usize = 40;
 
-/// What has a name on the ribbon: its time (s), its kind, and its name.
+/// A named event on the ribbon: its time (s), its kind, and its name.
 pub(super) type Named = (f64, &'static str, String);
 
 /// Returns an event's mark, in the charts and on the ribbon: its time, its kind and its first words. Only problems and notes are marked.
@@ -47,7 +47,7 @@ pub(super) fn named(data: &Data, bundling: &[(f64, Bundling)]) -> Vec<Named> {
     all
 }
 
-/// Returns where frames were lost: one event for each stretch of seconds with losses.
+/// Returns the losses of frames: one event for each stretch of seconds with losses.
 fn losses(seconds: &[LinkSecond]) -> Vec<Named> {
     let mut losses: Vec<(usize, u32)> = Vec::new();
     for (i, second) in seconds.iter().enumerate().filter(|(_, second)| second.lost > 0) {
@@ -61,7 +61,7 @@ fn losses(seconds: &[LinkSecond]) -> Vec<Named> {
     losses.into_iter().map(|(second, frames)| (second as f64, "lost", name(frames))).collect()
 }
 
-/// Returns the place of the ribbon. Its label says in words what the page's script draws.
+/// Returns the element of the ribbon. Its label describes in words what the page's script draws.
 pub(super) fn figure(data: &Value) -> Markup {
     let list = |name: &str| data[name].as_array().map(Vec::as_slice).unwrap_or_default();
     let time = |value: &Value| number(value.as_f64().unwrap_or(f64::NAN), 1);

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-/// Returns a table of facts with these heads. `label`: what it is, for those who do not see it.
+/// Returns a table of facts with these heads. `label`: its description for screen readers.
 pub(super) fn scrolled(label: &str, heads: &[&str], body: &Markup) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label=(label) {

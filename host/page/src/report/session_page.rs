@@ -16,7 +16,7 @@ use study::text::{capitalised, word};
 use study::trial::{AtSpeeds, mean_of_repeats, scatter_of_repeats};
 use study::twin::SessionComparison;
 
-/// Most trials of a session whose page opens the first of them.
+/// Largest number of trials of a session whose page opens the first of them.
 pub(super) const OPENS_FIRST: usize = 8;
 
 /// A trial of a session.
@@ -35,7 +35,7 @@ pub(super) enum RowState {
     Shown(Box<View>),
     /// It has no log yet.
     Missing,
-    /// Its log cannot be read, and why.
+    /// Its log cannot be read, for this reason.
     Unreadable(String),
 }
 
@@ -50,7 +50,7 @@ pub(super) fn anchor(i: usize) -> String {
     format!("trial-{}", i + 1)
 }
 
-/// Returns whether a trial differs from what it is compared with, in a few words.
+/// Describes in a few words whether a trial differs from the other side of its comparison.
 fn verdict(view: &View, session: Option<&SessionComparison>) -> Option<&'static str> {
     let trial = session?.trials.iter().find(|trial| trial.name == view.name)?;
     match (trial.differences.is_empty(), trial.transients_agree()) {
@@ -101,7 +101,7 @@ impl Session<'_> {
             @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
             @if let Some(comparison) = comparison {
                 (answer(&comparison.headline(), comparison.agrees()))
-                // That of a single trial is below.
+                // The verdict on a single trial is below.
                 @if comparison.trials.len() > 1 { (test(&comparison.verdict)) }
             }
             @if !self.opens_first() {
@@ -123,7 +123,7 @@ impl Session<'_> {
         }
     }
 
-    /// Returns what is below the open trial: table and results of a session of few trials, and files and parameters.
+    /// Returns the part below the open trial: table and results of a session of few trials, and files and parameters.
     pub fn rest(&self) -> Markup {
         html! {
             @if self.opens_first() { (self.trials()) h2 { "The session" } (self.summary()) (self.distribution()) }
@@ -264,12 +264,12 @@ fn maps(rows: &[Row]) -> Vec<Markup> {
     MAPS.into_iter().flat_map(map).collect()
 }
 
-/// A number in the table, with the key that it is sorted by.
+/// Returns a cell with a number and its sorting key.
 fn cell(value: Option<f64>, decimals: usize) -> Markup {
     html! { td data-key=[value.filter(|value| value.is_finite())] { (value.map_or("–".to_owned(), |value| number(value, decimals))) } }
 }
 
-/// Which columns the table has.
+/// The optional columns of the table.
 #[derive(Clone, Copy)]
 struct Columns {
     charts: bool,
@@ -296,7 +296,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
                     (head("w1, rpm")) (head("w2, rpm"))
                     (head("ψ, °")) @if columns.uncertainty { (head("± 95 % of ψ")) } (head("θ, °")) (head("φ, °"))
                     @if columns.compared {
-                        // What a verdict speaks of; the other side's own angles are on the page of the trial.
+                        // A verdict refers to these columns; the other side's own angles are on the page of the trial.
                         @for head_of in ["error", "RMS"] { @for angle in ["ψ", "θ", "φ"] { (head(&format!("{head_of} {angle}"))) } }
                     }
                     @if columns.link { (head("lost")) }
@@ -308,7 +308,7 @@ fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     }
 }
 
-/// Returns the verdict and the warnings of a trial in a few words each, and none twice.
+/// Returns the verdict and the warnings of a trial in a few words each, without repetitions.
 fn briefs(view: &View, verdict: Option<&'static str>) -> String {
     each_once(verdict.into_iter().chain(view.warnings.iter().map(|warning| warning.brief.as_str()))).join(", ")
 }

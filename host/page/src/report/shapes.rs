@@ -56,7 +56,7 @@ fn rate_hz(times: &[f64]) -> f64 {
     }
 }
 
-/// Both helices at rest with the shafts at zero, body axes.
+/// Returns both helices at rest with the shafts at zero, body axes.
 pub(crate) fn at_rest(robot: &Robot) -> [Vec<[f64; 3]>; 2] {
     let feet = robot.shaft_feet();
     [0, 1].map(|k| {

@@ -11,11 +11,11 @@ pub(super) fn stage(view: &View) -> Markup {
     }
 }
 
-/// Where the robot can be seen from, and what the buttons are called.
+/// The views of the robot, with the labels of their buttons.
 const LOOKS: [(&str, &str); 5] =
     [("perspective", "3-D"), ("tank", "Tank"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
 
-/// Returns the buttons that choose where the robot is seen from. Only a robot file with a tank has a view of it.
+/// Returns the buttons that choose the view of the robot. Only a robot file with a tank has a view of the tank.
 pub(super) fn looks(has_tank: bool) -> Markup {
     html! {
         @for (look, name) in LOOKS.into_iter().filter(|(look, _)| has_tank || *look != "tank") {
@@ -89,7 +89,7 @@ fn readout(view: &View) -> Markup {
     let (is_compared, truth) = (view.comparison.is_some(), view.has_truth);
     let heads: Vec<&str> =
         [view.own_name()].into_iter().chain(view.other_name()).chain(truth.then_some("truth")).collect();
-    // What only one side has is empty on the other, and in the truth.
+    // Values of the trial alone are empty in the columns of the other side and of the truth.
     let beside = |own: String| [Some(own)].into_iter().chain(is_compared.then_some(None)).chain(truth.then_some(None));
     let mut rows = Vec::new();
     for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {

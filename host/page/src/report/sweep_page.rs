@@ -19,7 +19,7 @@ pub(super) fn page(path: &Path) -> Result<(Markup, usize), PageError> {
     let wrong = |reason: String| PageError::wrong_use(path, format!("cannot be shown as a table: {reason}"), help);
     let swept = Swept::read(path).map_err(wrong)?;
     let (rows, inputs, results) = (swept.rows(), &swept.inputs, &swept.results);
-    // Four bytes a number are five and a third of text.
+    // Four bytes of a number are five and a third bytes of text.
     let most = DATA_BYTES * 3 / 16 / (inputs.len() + results.len());
     let every = rows.div_ceil(most).max(1);
     let about = About { path, header: &swept.header, rows, of_one_phase: swept.of_one_phase(), every };
@@ -38,18 +38,18 @@ pub(super) fn page(path: &Path) -> Result<(Markup, usize), PageError> {
     Ok((document::page(&clip(&about.title(), 200), "one", &body(&about, inputs, results), &data), rows))
 }
 
-/// Where the table comes from.
+/// The provenance of the table.
 struct About<'a> {
     path: &'a Path,
     header: &'a [String],
     rows: usize,
     of_one_phase: usize,
-    /// The page shows one of so many points.
+    /// The page shows one in this many points.
     every: usize,
 }
 
 impl About<'_> {
-    /// Returns the name of the sweep if the table says it, otherwise that of the file.
+    /// Returns the name of the sweep if the table states it, otherwise the name of the file.
     fn title(&self) -> String {
         let named = self.header.iter().find_map(|line| line.strip_prefix("biflag sweep ")?.split(", version").next());
         let file = || self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -126,7 +126,8 @@ mod tests {
         assert!(!text.contains("one starting phase"), "the table does not say its phases: {text}");
         std::fs::write(&path, "w1_rpm,w2_rpm,yaw_deg,phases\n50,25,5,1\n51,25,6,1\n50,20,5,1\n51,20,6,1\n").unwrap();
         assert!(page(&path).unwrap().0.0.contains("2 points hold for one starting phase"));
-        // Each value of a Sobol design distinguishes all points; its columns say which of them vary by themselves.
+        // Each value of a Sobol design distinguishes all points, so the descriptions of its columns show which of them are
+        // inputs.
         let varies = |name: &str| format!("# {name} [1]: {}\n", sweep::VARIES);
         let sobol =
             "w1_rpm,w2_rpm,mu,tether,derived,yaw_deg\n50,10,0.8,1,1.6,1\n50,10,0.9,3,1.8,2\n50,10,1.1,2,2.2,3\n";

@@ -11,13 +11,13 @@ use study::sweep::{
 };
 use study::text::word;
 
-/// The most values or pairs of speeds that are named one by one.
+/// Largest number of values or pairs of speeds that are named one by one.
 const FEW: usize = 12;
 
 /// The longest file that is shown, in characters.
 const LONGEST_FILE: usize = 20_000;
 
-/// Returns the plan behind a table that is in the folder of its sweep; nothing of another table.
+/// Returns the plan of a table in the folder of its sweep; empty for another table.
 pub(super) fn section(table: &Path) -> Markup {
     let parent = table.parent().map(|parent| if parent.as_os_str().is_empty() { Path::new(".") } else { parent });
     let is_in = |folder: &&Path| {
@@ -110,7 +110,7 @@ fn facts(plan: &SweepPlan, results: u32, programs: &[String]) -> Vec<(&'static s
 fn values(values: &Values) -> String {
     match values {
         Values::List(list) => listed(list),
-        // A Sobol design chooses its own.
+        // A Sobol design chooses its own values.
         Values::Range(range) => {
             let count = if range.count == 0 { String::new() } else { format!(", {} values", range.count) };
             let scale = if range.scale == Scale::Log { ", by equal ratios" } else { "" };
@@ -119,7 +119,7 @@ fn values(values: &Values) -> String {
     }
 }
 
-/// A number of a robot's file, whatever its size.
+/// Formats a number of a robot's file, of any magnitude.
 fn number(value: f64) -> String {
     let size = value.abs();
     let text = if size != 0.0 && !(1e-3..1e6).contains(&size) { format!("{value:e}") } else { value.to_string() };
@@ -135,7 +135,7 @@ fn listed(values: &[f64]) -> String {
     }
 }
 
-/// Returns pairs of speeds in words: the values of both if every one meets every other, or each of a few pairs.
+/// Returns pairs of speeds in words: the values of both if all combinations occur, or each of a few pairs.
 fn speeds(pairs: &[[f64; 2]]) -> String {
     let [w1, w2] = [0, 1].map(|k| distinct(pairs.iter().map(|pair| pair[k])));
     if w1.len() > 1 && w2.len() > 1 && w1.len() * w2.len() == pairs.len() {
@@ -151,7 +151,7 @@ fn speeds(pairs: &[[f64; 2]]) -> String {
     }
 }
 
-/// Returns sorted values by their ends and their step if they are evenly spaced.
+/// Returns the ends and the step of sorted values if they are evenly spaced, otherwise all values, in words.
 fn stepped(values: &[f64]) -> String {
     let step = values[1] - values[0];
     let is_even = values.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() < 1e-9);

@@ -6,16 +6,17 @@ use serde_json::{Map, Value, json};
 use study::attitude::Columns;
 use study::statistics::extremes;
 
-/// The least number of samples in a stretch, on average: the range of fewer says little.
+/// Least mean number of samples in a stretch: the range of fewer is not informative.
 const STRETCH_SAMPLES: usize = 4;
 
-/// The most stretches: about a second each in a trial of two minutes. The mean of much less than a turn is no mean.
+/// Largest number of stretches: about a second each in a trial of two minutes. A mean over much less than a turn would contain
+/// the swing.
 const MAX_STRETCHES: usize = 120;
 
-/// Times that differ by less than this from an even spacing are stored as one.
+/// Times that differ by less than this from an even spacing are stored as evenly spaced.
 const EVEN_S: f64 = 5e-4;
 
-/// The quantities of which a chart shows the mean of a stretch alone, not its range: they change slowly or in steps.
+/// Quantities for which a chart shows only the mean of a stretch, not its range, because they change slowly or in steps.
 const MEAN_ALONE: [&str; 7] = ["uncertainty", "true_yaw", "true_pitch", "true_roll", "contact", "target1", "target2"];
 
 fn has_range(name: &str) -> bool {
@@ -27,7 +28,7 @@ fn has_range(name: &str) -> bool {
 pub(super) struct Fitted<const N: usize> {
     /// All samples, or evenly chosen ones. Each row is a row of the original table.
     pub samples: Columns<N>,
-    /// What the charts draw if not all samples are kept.
+    /// The data of the charts if not all samples are kept.
     pub ranges: Option<Ranges<N>>,
 }
 
@@ -36,7 +37,7 @@ pub(super) struct Fitted<const N: usize> {
 pub(super) struct Ranges<const N: usize> {
     /// Start of the first stretch.
     pub from_s: f64,
-    /// Length of each.
+    /// Length of each stretch.
     pub width_s: f64,
     pub low: [Vec<f64>; N],
     pub high: [Vec<f64>; N],
@@ -65,8 +66,8 @@ fn ranges<const N: usize>(table: &Columns<N>, count: usize) -> Ranges<N> {
     ranges
 }
 
-/// Returns what fits into about `bytes` of text: the whole table, or ranges, in at most half of the room, and evenly chosen
-/// samples.
+/// Returns the data that fit into about `bytes` of text: the whole table, or ranges, in at most half of the room, and evenly
+/// chosen samples.
 pub(super) fn fitted<const N: usize>(table: &Columns<N>, names: &[&str; N], bytes: usize) -> Fitted<N> {
     // Text has four characters for three bytes.
     let bytes = bytes / 4 * 3;
@@ -84,7 +85,7 @@ pub(super) fn fitted<const N: usize>(table: &Columns<N>, names: &[&str; N], byte
     Fitted { samples: table.sampled(rest / (4 + row_bytes)), ranges: Some(ranges(table, stretches)) }
 }
 
-/// Whether a column has a value.
+/// Returns whether a column has a value.
 fn has<const N: usize>(table: &Columns<N>, k: usize) -> bool {
     table.values[k].iter().any(|value| value.is_finite())
 }
@@ -122,7 +123,8 @@ impl<const N: usize> Fitted<N> {
     }
 }
 
-/// Values for the page in 16 bits each: `from + step` times the number, 65535 for none. Equal values need none.
+/// Returns values for the page in 16 bits each: `from + step` times the number, 65535 for a missing value. Equal values need no
+/// numbers.
 pub(super) fn quantised(values: &[f64]) -> Value {
     const LEVELS: f64 = 65_534.0;
     let [least, most] = extremes(values.iter().copied().filter(|value| value.is_finite()));
@@ -135,7 +137,7 @@ pub(super) fn quantised(values: &[f64]) -> Value {
     json!({ "from": from, "step": step, "u16": bytes(values.iter().map(|value| number(value).to_le_bytes())) })
 }
 
-/// Times for the page: the first and their interval if they are even, else in 32 bits each.
+/// Returns times for the page: the first one and the interval if they are evenly spaced, otherwise in 32 bits each.
 pub(super) fn times(values: &[f64]) -> Value {
     match even(values) {
         Some(step) => json!({ "from": values[0], "step": step, "count": values.len() }),
@@ -151,12 +153,12 @@ fn even(times: &[f64]) -> Option<f64> {
     is_even.then_some(step)
 }
 
-/// Values for the page in 32 bits each.
+/// Returns values for the page in 32 bits each.
 pub(super) fn single(values: &[f64]) -> Value {
     json!({ "f32": bytes(values.iter().map(|value| (*value as f32).to_le_bytes())) })
 }
 
-/// Bytes as text.
+/// Returns bytes as text, in Base64.
 pub(super) fn bytes<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> String {
     BASE64_STANDARD.encode(values.flatten().collect::<Vec<_>>())
 }

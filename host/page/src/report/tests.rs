@@ -119,7 +119,7 @@ fn other_files_are_not_replaced() {
     assert!(matches!(no_folder, Err(PageError::Output(study::output::OutputError::Folder { .. }))));
 }
 
-/// Returns how many elements of a kind a page has.
+/// Returns the number of elements of a kind on a page.
 fn count(page: &str, element: &str) -> usize {
     page.matches(&format!("<{element}")).count()
 }
@@ -152,7 +152,7 @@ fn a_hostile_session_reads_and_writes_nothing_outside_its_folder() {
     let session = Session::create(&folder, &plan).unwrap();
     log(&folder.join("001_w1+50_w2+10.mcap"), &plan, Some("../../../escape"));
     std::fs::write(folder.join("002_w1+0_w2+45.mcap"), "no log").unwrap();
-    // A link to a file elsewhere is no log of the session.
+    // A link to a file elsewhere is not a log of the session.
     std::fs::write(outside.path().join("secret.mcap"), "the secret outside").unwrap();
     std::os::unix::fs::symlink(outside.path().join("secret.mcap"), folder.join("003_w1+1_w2+2.mcap")).unwrap();
     let text = std::fs::read_to_string(folder.join("session.toml")).unwrap();

@@ -1,13 +1,13 @@
-//! Numbers and texts as the page shows them.
+//! Formats numbers and texts for the page.
 
 use study::text::{decimal, json_without};
 
-/// Degrees with so many decimals and a proper minus sign.
+/// Formats degrees with this number of decimals and a proper minus sign.
 pub(super) fn degrees(value: f64, decimals: usize) -> String {
     format!("{}°", number(value, decimals))
 }
 
-/// A number with so many decimals and a proper minus sign; a dash for a missing value.
+/// Formats a number with this number of decimals and a proper minus sign; a dash for a missing value.
 pub(super) fn number(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -15,29 +15,29 @@ pub(super) fn number(value: f64, decimals: usize) -> String {
     decimal(value, decimals).replace('-', "−")
 }
 
-/// A pair of speeds.
+/// Formats a pair of speeds.
 pub(super) fn speeds([w1, w2]: [f64; 2]) -> String {
     format!("({}, {}) rpm", plain(w1), plain(w2))
 }
 
-/// A number with as many decimals as it has, up to four.
+/// Formats a number with as many decimals as it has, up to four.
 pub(super) fn plain(value: f64) -> String {
     let value = (value * 1e4).round() / 1e4;
     if value < 0.0 { format!("−{}", -value) } else { format!("{}", value.abs()) }
 }
 
-/// A coordinate to a tenth.
+/// Returns a coordinate rounded to a tenth.
 pub(super) fn short(value: f64) -> f64 {
     (value * 10.0).round() / 10.0
 }
 
-/// A count and the noun it counts, in the singular or the plural.
+/// Formats a count with its noun, in the singular or the plural.
 pub(super) fn count(n: impl TryInto<u64>, one: &str, more: &str) -> String {
     let n = n.try_into().unwrap_or(u64::MAX);
     format!("{n} {}", if n == 1 { one } else { more })
 }
 
-/// At most so many characters, with an ellipsis where there were more. A log from elsewhere may hold any text.
+/// Returns at most `most` characters, with an ellipsis if there were more. A log from elsewhere may contain any text.
 pub(super) fn clip(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -45,7 +45,7 @@ pub(super) fn clip(text: &str, most: usize) -> String {
     }
 }
 
-/// JSON for a `<script>` element, without any character that could end the element or begin another.
+/// Returns JSON for a `<script>` element, without any character that could end the element or begin another.
 pub(super) fn json_for_script(value: &serde_json::Value) -> String {
     json_without(value, &['<', '>', '&', '\''])
 }

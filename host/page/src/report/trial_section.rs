@@ -24,8 +24,8 @@ pub(super) fn bench(view: &View) -> Markup {
     html! { (stage(view)) div.charts { (charts(view)) } }
 }
 
-/// Returns the section of a trial with the anchor `id`. On the page of a session, it leaves out what all trials have in
-/// common, the session's own sentence about its comparison, and the [`bench`], of which it has the number.
+/// Returns the section of a trial with the anchor `id`. On the page of a session, it leaves out the parts common to all trials,
+/// the session's own sentence about its comparison, and the [`bench`], of which it has the number.
 pub(super) fn section(view: &View, id: &str, session: Option<(&str, usize)>) -> Markup {
     let (has_data, shared) = (!view.data.is_null(), session.is_some());
     html! {
@@ -86,7 +86,7 @@ fn about(view: &View, shared: bool) -> Markup {
                 span { (clip(created.split('.').next().unwrap_or(created), 40).replace('T', " ")) }
             }
             span { (number(view.duration_s, 1)) " s" }
-            // Without its tiles, a trial of a session has these on paper only here.
+            // A trial of a session has no tiles, so on paper these values are only here.
             @let known = ["ψ", "θ", "φ"].into_iter().zip(view.uncertainties_deg()).filter_map(|(name, deg)| Some((name, deg?)));
             @if shared { @for (name, deg) in known { span.paper-only { (name) " ± " (degrees(deg, 2)) } } }
             @if let Some((motor, after_s)) = reversal {
@@ -97,7 +97,7 @@ fn about(view: &View, shared: bool) -> Markup {
     }
 }
 
-/// A result with its name and a remark.
+/// Returns a result with its name and a remark.
 pub(super) fn tile(name: &str, big: &str, small: &Markup) -> Markup {
     html! {
         div.tile {
@@ -134,7 +134,7 @@ fn tiles(view: &View) -> Markup {
     }
 }
 
-/// The tile of the settling time; of the kind of motion if the model has solved for it.
+/// Returns the tile of the settling time, or of the kind of motion for a solved steady state.
 fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
     match model.kind {
         Some(kind) => tile("Motion", &kind.name().replace('_', " "), note),
@@ -143,17 +143,17 @@ fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
     }
 }
 
-/// The result of a comparison in one plain sentence.
+/// Returns the result of a comparison in one plain sentence.
 pub(super) fn answer(headline: &str, agrees: bool) -> Markup {
     html! { p.answer.agrees[agrees].differs[!agrees] { (minus(headline)) } }
 }
 
-/// The statistical test behind it.
+/// Returns the statistical test behind the result.
 pub(super) fn test(verdict: &str) -> Markup {
     html! { @if !verdict.is_empty() { p.test { (clip(&minus(&format!("{verdict}.")), 1_000)) } } }
 }
 
-/// Text with proper minus signs.
+/// Returns text with proper minus signs.
 fn minus(text: &str) -> String {
     text.replace(" -", " −").replace("(-", "(−")
 }
@@ -174,7 +174,7 @@ fn steady_tile(name: &str, view: &View, angle: f64, i: usize) -> Markup {
     )
 }
 
-/// A list of problems, or of remarks that are none, if there are any.
+/// Returns a list of problems (`are_grave`) or of remarks, if there are any.
 pub(super) fn warnings<'a>(are_grave: bool, texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {

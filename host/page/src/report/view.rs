@@ -15,7 +15,7 @@ use study::text::capitalised;
 use study::trial::{Angles, Event, Finding, FindingKind, Judged, LogFinding, Records, Repeat};
 use study::twin::{Compared, Comparison};
 
-/// The robot and the closure that the model's curves beside a trial were computed with.
+/// The robot and the closure behind the model's curves beside a trial.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct ModelRobot {
     /// Its file, with the comments that state the origin of the parameters.
@@ -26,7 +26,7 @@ pub(super) struct ModelRobot {
 }
 
 impl ModelRobot {
-    /// From the metadata of the modelled log; `None` if no model computed it.
+    /// Reads them from the metadata of the modelled log; `None` if no model computed it.
     pub fn new(records: &Records) -> Option<Self> {
         let model = records.model.clone().filter(|_| records.origin() == Origin::Model)?;
         Some(Self { robot: records.robot.clone().unwrap_or_default(), model, replay: records.replay.clone() })
@@ -50,7 +50,7 @@ pub struct View {
     /// The trial as one of several at its speeds.
     pub(super) repeat: Option<Repeat>,
     pub(super) events: Vec<Event>,
-    /// How many events are not listed.
+    /// Number of events that are not listed.
     pub(super) more_events: usize,
     pub(super) warnings: Vec<Warning>,
     pub(super) findings: Vec<LogFinding>,
@@ -108,42 +108,42 @@ impl View {
         view
     }
 
-    /// Steady yaw, pitch and roll; those of its comparison if it has one.
+    /// Returns the steady yaw, pitch and roll, from the comparison if there is one.
     pub(super) fn steady_deg(&self) -> Option<[f64; 3]> {
         let alone = || self.angles.as_ref().map(|angles| [angles.yaw_deg, angles.pitch_deg, angles.roll_deg]);
         self.comparison.as_ref().map(Comparison::measured_deg).or_else(alone)
     }
 
-    /// Their 95 % uncertainties; those of a comparison are of the difference.
+    /// Returns their 95 % uncertainties; with a comparison, the uncertainties of the difference.
     pub(super) fn uncertainties_deg(&self) -> [Option<f64>; 3] {
         let Some(angles) = &self.angles else { return [None; 3] };
         let all = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
         all.map(|deg| deg.filter(|deg| *deg > 0.0))
     }
 
-    /// Whether the attitude settled; that of the trial that it is compared with for `of_other`.
+    /// Returns whether the attitude settled; with `of_other`, the attitude of the other side of the comparison.
     pub(super) fn is_settled(&self, of_other: bool) -> bool {
         let own = self.log.to_string_lossy();
         !self.findings.iter().any(|one| one.finding.kind == FindingKind::Window && (one.log != own) == of_other)
     }
 
-    /// Whether the trial was computed, not measured.
+    /// Returns whether the trial was computed, not measured.
     pub(super) fn is_model(&self) -> bool {
         self.records.origin() == Origin::Model
     }
 
-    /// Whether a board recorded the trial.
+    /// Returns whether a board recorded the trial.
     pub(super) fn is_recorded(&self) -> bool {
         self.records.origin().is_recorded()
     }
 
-    /// What the trial's own angles are called.
+    /// Returns the name of the trial's own angles.
     pub(super) fn own_name(&self) -> &'static str {
         let alone = if self.is_model() { "model" } else { "measured" };
         self.comparison.as_ref().map_or(alone, |comparison| comparison.sides.names()[0])
     }
 
-    /// What the angles are called that they are compared with.
+    /// Returns the name of the angles of the other side of the comparison.
     pub(super) fn other_name(&self) -> Option<&'static str> {
         self.comparison.as_ref().map(|comparison| comparison.sides.names()[1])
     }
@@ -176,7 +176,7 @@ impl Warning {
         Self { brief: brief.to_owned(), text: text.into(), is_grave: true }
     }
 
-    /// Returns a finding as a warning; `log` names the log where it is not that of the page.
+    /// Returns a finding as a warning; `log` names its log if it is not the page's own.
     pub fn of(finding: &Finding, log: Option<&str>) -> Self {
         let log = log.map_or_else(String::new, |log| format!("{log}: "));
         let brief = finding.text.split([':', ';']).next().unwrap_or_default();

@@ -56,7 +56,7 @@ fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
     }
 }
 
-/// Says whether the board knows the angles of its flagella, which only plans with phases need.
+/// Reports whether the board knows the angles of its flagella, which only plans with phases need.
 fn angles(link: &Link) -> Finding {
     let settings = settings::read(link).map_err(problem)?;
     Ok(match board::angles_deg(link.info(), &settings) {

@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     answer(checks, on_problem)
 }
 
-/// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
+/// Returns the check of the firmware's source: a toolchain in the repository, otherwise this program.
 fn firmware_source() -> (&'static str, Finding) {
     match (repository(), image::embedded_commit()) {
         (Some(root), _) => ("AVR toolchain", toolchain(&root)),
@@ -113,7 +113,8 @@ fn installed_avrdude() -> Finding {
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
 }
 
-/// Returns a finding for each program that takes serial ports away, or writes to them; none at all where nobody looks for them.
+/// Returns a finding for each program that takes serial ports away, or writes to them; none on systems where they are not looked
+/// for.
 fn other_programs() -> Vec<Finding> {
     let found = meddlers::running();
     let none = (meddlers::ARE_LOOKED_FOR && found.is_empty()).then(|| Ok("none that takes serial ports".into()));

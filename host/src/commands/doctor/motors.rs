@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 /// Speed at full duty below which a motor cannot be relied on for the fastest trials, rpm.
 const FASTEST_TRIAL_RPM: f64 = 90.0;
 
-/// A difference of the moving duty that is not worth writing.
+/// Largest difference of the moving duty that is not saved.
 const SAME_DUTY: u8 = 20;
 
 /// Duty at which the user watches a flagellum, unless it needs more to move.
@@ -66,7 +66,7 @@ fn test(
     let link = Link::open_unless(port, interrupted)?;
     link.command(Command::Stop)?;
     let is_new = !link.info().settings_stored;
-    // A board that has forgotten must get its settings back; a computer without copies sees its first board.
+    // A board that has lost its settings must get them back; a computer without copies sees its first board.
     if is_new && copies.is_some_and(|copies| !copies.ids().is_empty()) {
         preflight::settings(&link, copies)?;
     }
@@ -93,7 +93,7 @@ fn test(
         let seen = match args.yes || !test.finding.is_usable() {
             true => None,
             false => match watch(&mut board, motor, test) {
-                // What the test has found so far is worth knowing.
+                // The results so far are reported.
                 Err(RecordError::Faulted(fault)) => {
                     test.finding = Finding::Faulted(fault);
                     None
@@ -135,7 +135,7 @@ fn wrong_bridge(motor: usize, set: Bridge) -> Check {
     check("bridge".into(), Err((detail, cure)))
 }
 
-/// Measures the lines of motors without encoders, and saves what follows from them.
+/// Measures the lines of motors without encoders, and saves them and the resulting settings.
 fn lines(
     args: &Args,
     board: &Board,
@@ -157,7 +157,7 @@ fn lines(
     }
     checks.extend(save(args, board, copies, (settings, wanted))?);
     let board_id = settings::read(board.link)?.board_id;
-    // Any board without an id would take them.
+    // Any board without an id would use them.
     if let Some(copies) = copies.filter(|_| board_id != 0) {
         let kept = copies.keep_lines(board_id, &lines).map_err(|error| {
             (format!("not kept: {error}"), "make room for the user's settings, then test again".to_owned())

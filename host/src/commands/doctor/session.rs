@@ -22,7 +22,7 @@ pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFindin
     Ok((checks, found.concat()))
 }
 
-/// Returns the findings about the logs of a trial. What cannot be read at all is told by [`trial`].
+/// Returns the findings about the logs of a trial. [`trial`] reports logs that cannot be read at all.
 fn found(state: &TrialState) -> Vec<LogFinding> {
     let trial = state.best().and_then(|attempt| attempt.read(Want::default()).ok());
     let of_log = trial.map(|trial| trial.log_findings());

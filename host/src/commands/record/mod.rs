@@ -128,7 +128,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let note = session.expect_same_rig(&states, origin, Some(&board), sensor)?;
         Ok((session, lock, states, note))
     };
-    // What a session refuses comes before any motor turns; a new one comes last, so that no folder is left of a plan that is refused.
+    // The checks of an existing session come before any motor turns. A new session is created last, so that a refused plan leaves
+    // no folder.
     let known = folder.join(MANIFEST).exists().then(&open).transpose()?;
     let is_done = |states: &[TrialState]| states.iter().all(|state| state.complete().is_some());
     let is_done = known.as_ref().is_some_and(|(_, _, states, _)| is_done(states));
@@ -203,7 +204,7 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
         settings::need_encoders(&settings)?;
     }
     if args.r#virtual.is_some() && settings.speed_from == SpeedFrom::Encoders {
-        // Its flagella stand at their marks when it gets power.
+        // The flagella of the emulated board stand at their marks at power-on.
         link.command(Command::Align)?;
     }
     if plan.has_phases() {
@@ -213,7 +214,7 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
     Ok(Connected { link, player, robot, notes })
 }
 
-/// Returns the lines of motors without encoders. Nothing keeps those of an emulated board, so they are measured.
+/// Returns the lines of motors without encoders. The lines of an emulated board are not stored, so they are measured.
 fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Result<Option<Lines>, RecordError> {
     let settings = settings::read(link)?;
     if settings.speed_from == SpeedFrom::Encoders {
@@ -257,7 +258,7 @@ fn hear_notes(typed: &Notes) {
 
 /// Returns the answer about a session of the emulated board that is complete: it needs no board, and so no firmware.
 fn complete(args: &Args, plan: &Plan, folder: &Path) -> miette::Result<Option<Answer>> {
-    // What is asked of the board besides is checked against the session's.
+    // Other requests to the board need a check against the session.
     let is_plain = args.faults.is_empty()
         && args.sensor == SensorArgs::default()
         && args.live.is_none()
@@ -281,7 +282,7 @@ fn complete(args: &Args, plan: &Plan, folder: &Path) -> miette::Result<Option<An
     Answer::new(recorded.outcome(), &recorded, recorded.end(recorded.outcome(), 0)).map(Some)
 }
 
-/// Returns what a session that begins, or continues, has before it; `None` if nothing is left to do.
+/// Describes the remaining trials of a session that begins or continues; `None` if nothing is left to do.
 fn begin(todo: &[Trial], origin: Origin) -> Option<String> {
     let duration_s = todo.iter().map(|trial| trial.phases.total_s()).sum();
     let end = match origin {
@@ -298,7 +299,7 @@ fn continuation() -> String {
     if command.split(' ').any(|word| word == "--resume") { command } else { format!("{command} --resume") }
 }
 
-/// Refuses a board that has forgotten its settings; keeps a copy of those of another. Returns a note for the user.
+/// Refuses a board that has lost its settings; otherwise keeps a copy of them. Returns a note for the user.
 pub(super) fn check_settings(link: &Link) -> miette::Result<Option<String>> {
     let copies = BoardCopies::of_user();
     preflight::settings(link, copies.as_ref())?;

@@ -1,4 +1,4 @@
-//! What a session holds when the command ends: its object in the JSON, and the last lines.
+//! The content of a session at the end of the command: its object in the JSON, and the last lines.
 
 use super::row::{self, RecordedTrial};
 use crate::commands::answer::{Outcome, finding_line};
@@ -17,7 +17,7 @@ pub(super) struct Recorded {
     #[serde(serialize_with = "crate::text::path")]
     pub session: PathBuf,
     pub trials: Vec<RecordedTrial>,
-    /// Findings about logs in the folder that are none of the session's.
+    /// Findings about logs in the folder that do not belong to the session.
     left_out: Vec<LogFinding>,
 }
 
@@ -46,12 +46,12 @@ impl Recorded {
         Ok((recorded, todo))
     }
 
-    /// Prints what was found about logs that are none of the session's.
+    /// Prints the findings about logs that do not belong to the session.
     pub fn say_left_out(&self, progress: &Progress) {
         self.left_out.iter().for_each(|left_out| progress.line(&finding_line(None, &left_out.finding)));
     }
 
-    /// Returns how the command ends by what is recorded so far.
+    /// Returns the outcome of the command from the trials recorded so far.
     pub fn outcome(&self) -> Outcome {
         Outcome::of(self.left_out.is_empty() && self.trials.iter().all(|trial| trial.warnings.is_empty()))
     }
@@ -63,7 +63,7 @@ impl Recorded {
         let then = match outcome {
             Outcome::Interrupted => "interrupted, the motors are stopped".to_owned(),
             _ if todo == 0 => format!("nothing left to do: {} complete", text::count(self.trials.len(), "trial")),
-            // A model has nothing to say about a robot at rest, or one that is turned by hand.
+            // A robot at rest, or one turned by hand, cannot be compared with a model.
             _ if self.trials.iter().all(|trial| trial.w1_rpm == 0.0 && trial.w2_rpm == 0.0) => {
                 format!("next: biflag info {session}")
             }

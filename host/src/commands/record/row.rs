@@ -37,7 +37,7 @@ pub(super) struct RecordedTrial {
     pub findings: Vec<Finding>,
     /// The grave ones as text.
     pub warnings: Vec<String>,
-    /// The others as text, and what did not affect the data.
+    /// The others as text, and notes about things that did not affect the data.
     pub notes: Vec<String>,
     pub complete: bool,
 }
@@ -116,7 +116,7 @@ pub(super) fn table(trials: &[RecordedTrial]) -> String {
     rows.iter().map(line).collect()
 }
 
-/// Serialises the angles into the row of their trial; `null` for each where there are none.
+/// Serialises the angles into the row of their trial; `null` for each if there are none.
 fn angles_or_nulls<S: Serializer>(angles: &Option<Angles>, serializer: S) -> Result<S::Ok, S::Error> {
     let Some(angles) = angles else {
         let keys = serde_json::to_value(Angles::default()).map_err(S::Error::custom)?;

@@ -20,10 +20,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-/// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
+/// Largest number of attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
 const CALIBRATIONS: usize = 3;
 
-/// What records the trials of a session.
+/// The rig on which the trials of a session are recorded.
 pub(super) struct Rig<'a> {
     pub link: Link,
     pub interrupted: &'a AtomicBool,
@@ -37,16 +37,16 @@ pub(super) struct Rig<'a> {
 }
 
 impl Rig<'_> {
-    /// Prints what is found about the plan, the session and its logs before the first trial.
+    /// Prints the findings about the plan, the session and its logs before the first trial.
     pub fn say_what_is_known(&self, knows_angles: bool, recorded: &Recorded, progress: &Progress) {
-        // Without encoders no command makes them known.
+        // Without encoders, no command makes the angles known.
         let preview = Preview::of(&self.plan, knows_angles || self.lines.is_some());
         let findings = self.session.clock_behind().into_iter().chain(preview.findings);
         findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
         recorded.say_left_out(progress);
     }
 
-    /// Records trials one after another. Returns whether nothing was lost and nothing is to be warned of.
+    /// Records trials one after another. Returns whether nothing was lost and there are no warnings.
     pub fn record(
         &self,
         todo: &[Trial],
@@ -121,7 +121,7 @@ impl Rig<'_> {
         // A calibration changes the board's settings, so each log contains those at its start.
         let settings = settings::read(context.link)?;
         let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
-        // The positions of the shafts are those of now.
+        // The positions of the shafts are read now.
         let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
         let start = run::start(&self.plan, trial, attempt, self.origin, Some(board), SystemTime::now());
         let run = rig::run(context, &path, &start, trial, settings)?;
@@ -129,7 +129,7 @@ impl Rig<'_> {
     }
 }
 
-/// Checks disk and board before a trial. `rest_s` is the duration of the trials that are left.
+/// Checks disk and board before a trial. `rest_s` is the duration of the remaining trials.
 pub(in crate::commands) fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
     preflight::room(folder, rest_s, context.robot.is_some())?;
     preflight::supply(context.link, context.interrupted)

@@ -38,7 +38,7 @@ impl Viewers {
         Ok(Self { foxglove, browser, trials })
     }
 
-    /// Opens the page. Returns what the user is told.
+    /// Opens the page. Returns messages for the user.
     pub fn open(&self) -> Vec<String> {
         let foxglove = self.foxglove.iter().map(Live::invitation);
         let browser = self.browser.iter().map(|(browser, _)| {

@@ -43,11 +43,11 @@ pub struct Common {
     output: PathBuf,
 }
 
-/// What the user is told after a reading.
+/// The message to the user after a reading.
 pub struct Told {
     /// What to do.
     pub instruction: String,
-    /// How it stands.
+    /// The figures so far.
     pub figures: String,
     /// Whether nothing is left to do.
     pub is_done: bool,
@@ -103,8 +103,8 @@ impl Bench {
         Ok(Self { nano, is_replay, link, settings, file, path, log_path, name, interrupted })
     }
 
-    /// Passes every reading to `take` until nothing is left to do, and shows what it tells, and its progress of `total`. The
-    /// readings are in a log, also if the measurement fails.
+    /// Passes every reading to `take` until nothing is left to do, and shows its message and its progress towards `total`. The
+    /// readings are logged even if the measurement fails.
     pub fn follow(
         &mut self,
         total: f64,
@@ -147,7 +147,7 @@ impl Bench {
         followed
     }
 
-    /// Returns the rate error of the clock of the emulated board. It has a speed of its own, and none to be compared with; it
+    /// Returns the rate error of the emulated board's clock. The board runs at its own speed, so the error cannot be measured. It
     /// would otherwise be part of the sensor's scale, and a trial in real time would correct it a second time.
     pub fn emulated_clock_error(&self) -> f64 {
         self.nano.as_ref().map_or(0.0, |nano| nano.sensor.board_clock_error)
@@ -164,14 +164,14 @@ impl Bench {
     }
 }
 
-/// What the board keeps of a measurement.
+/// The part of a measurement that the board keeps.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kept {
     /// Nothing new.
     Nothing,
     /// The scales of the gyroscope.
     Scales,
-    /// Its memory does not hold what was written.
+    /// Its memory does not contain the written values.
     Failed,
 }
 
@@ -187,7 +187,7 @@ impl From<RecordError> for Failure {
 /// The result of a measurement.
 #[derive(Debug, Default)]
 pub struct Measured {
-    /// What it found, in lines.
+    /// The findings, in lines.
     pub text: String,
     /// The same for `--json`, beside the values of the file.
     pub json: Value,
@@ -219,7 +219,7 @@ pub fn finish(bench: &mut Bench, measured: Measured, followed: &Followed) -> mie
     Ok(answer)
 }
 
-/// Returns the answer to a measurement that ended early: an interrupted one is no failure.
+/// Returns the answer to a measurement that ended early: an interruption is not a failure.
 pub fn ended(error: Report) -> miette::Result<Answer> {
     match error.to_string().as_str() {
         "interrupted" => Answer::new(Outcome::Interrupted, &json!({ "sensor": null }), "interrupted"),

@@ -1,4 +1,4 @@
-//! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
+//! `biflag sensor poses`: the accelerometer, and the gyroscope's sensitivity to gravity, from six poses.
 
 use super::super::options::within;
 use super::bench::{Bench, Common, Measured, Told, finish, percent, row};

@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut hand = Hand { plan, ordered: 0, is_replay: bench.is_replay };
     if let Some(nano) = bench.nano.as_mut().filter(|_| axis != 2) {
         nano.pose(&format!("+{}", AXES[axis]), 2.0)?;
-        // It comes into the pose before the first rest.
+        // The emulated hand reaches the pose before the first rest.
     }
     let followed = bench.follow(plan.turns as f64, |reading, nano, progress| {
         let before = watch.count();

@@ -22,12 +22,12 @@ pub struct Simulated {
     /// Ratio of simulated to wall time of the whole command; `null` if all trials were already complete.
     pub real_time_factor: Option<f64>,
     pub trials: Vec<Row>,
-    /// What the values do not say by themselves.
+    /// Notes that do not follow from the values.
     pub notes: Vec<String>,
 }
 
-/// Says how a run since `begun` ended: its outcome, the ratio of simulated to wall time (`None` if nothing was simulated), and
-/// how many of its trials were computed and of how many the solver failed. `is_sound` tells what the trials do not.
+/// Describes the end of a run since `begun`: its outcome, the ratio of simulated to wall time (`None` if nothing was simulated),
+/// and the numbers of trials that were computed and that failed. `is_sound`: whether all else is sound.
 pub fn ended(
     verb: &str,
     begun: Instant,
@@ -76,7 +76,7 @@ pub struct MeanTrial {
 }
 
 impl Row {
-    /// Joins the trials of a plan with `phases`, where all starting phases of a pair of speeds were computed.
+    /// Joins the trials of a plan with `phases`, if all starting phases of a pair of speeds were computed.
     pub fn of(plan: &Plan, trials: Vec<SimulatedTrial>) -> Vec<Self> {
         let planned = |name: &str| plan.trials.iter().find(|trial| trial.name == name);
         let mut rows = Vec::new();

@@ -6,19 +6,19 @@ use crate::plan::{Plan, RobotFile};
 use protocol::units::CentiRpm;
 use study::steer::{Controller, Map, PATIENCE_OF_MODEL, PATIENCE_OF_RIG, Pilot, Policy, Wanted};
 
-/// What is to be done.
+/// The task of a steered trial.
 pub struct Course {
     /// The attitude.
     pub wanted: Wanted,
-    /// Who gives the speeds.
+    /// The source of the speeds.
     pub pilot: Pilot,
     /// The plan, with one trial. Its speeds are the feed-forward.
     pub plan: Plan,
-    /// What the table says about these speeds.
+    /// The table's values at these speeds.
     pub expected: Expected,
 }
 
-/// What a table says about the feed-forward.
+/// A table's values for the feed-forward.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
     /// Tilt of the robot.
@@ -28,7 +28,7 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Returns what to know before the run.
+    /// Returns a note for the user before the run.
     pub fn note(&self) -> Option<String> {
         let note = "the flagella touch near these speeds, where the attitude jumps: it may not be reached or held";
         self.touches.then(|| note.to_owned())
@@ -36,10 +36,10 @@ impl Expected {
 }
 
 impl Course {
-    /// Returns the course of the arguments, and starts the policy. `robot`: the one that is steered.
+    /// Returns the course of the arguments, and starts the policy. `robot`: the steered robot.
     ///
     /// # Errors
-    /// [`study::steer::SteerError`] for an attitude out of reach or a policy that does not start; those of files.
+    /// [`study::steer::SteerError`] for an attitude out of reach or a policy that does not start; errors of files.
     pub fn new(args: &Args, robot: RobotFile) -> miette::Result<Self> {
         let of_robot = robot.parse()?;
         let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &of_robot))?;

@@ -16,7 +16,7 @@ use study::steer::{RATE_HZ, Steering};
 /// Steers the model of the plan's robot. Returns the log.
 ///
 /// # Errors
-/// Before the run; a failure in it is returned with it.
+/// Failures before the run; a failure in the run is part of the result.
 pub fn steer(
     plan: &Plan,
     folder: &Path,

@@ -1,4 +1,4 @@
-//! What a run came to, and what `biflag steer` prints.
+//! The result of a run, and the output of `biflag steer`.
 
 use super::super::answer::finding_line;
 use crate::text::{count, decimal};
@@ -9,7 +9,7 @@ use std::fmt;
 use std::path::PathBuf;
 use study::steer::{Held, Tally, Wanted};
 
-/// What a run came to, wherever it ran.
+/// The result of a run, on a rig or in the model.
 pub struct Ran {
     pub tally: Tally,
     pub notes: Vec<String>,
@@ -28,11 +28,11 @@ pub struct Steered {
     /// The means at its end; without keys if there is no attitude in the run.
     #[serde(flatten)]
     pub held: Option<Held>,
-    /// Time from which on the means were near what is wanted; `None` if they were not at the end.
+    /// Time since which the means have been near the target; `None` if they were not at the end.
     pub reached_s: Option<f64>,
     pub steps: u64,
     pub late_steps: u64,
-    /// Time from an observation to its set-point in force that half of the steps do not exceed, and 99 of 100.
+    /// Time from an observation until its set-point is in force: median, and bound for 99 of 100 steps.
     pub latency_p50_s: Option<f64>,
     pub latency_p99_s: Option<f64>,
     /// The causes of the uncertainties of the steady angles.

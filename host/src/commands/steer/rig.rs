@@ -22,7 +22,7 @@ use study::steer::{Steering, Wanted, yaw_error};
 /// Steers a board. Returns the log.
 ///
 /// # Errors
-/// Before the run; a failure in it is returned with it.
+/// Failures before the run; a failure in the run is part of the result.
 pub fn steer(
     args: &Args,
     plan: &Plan,
@@ -86,7 +86,7 @@ fn start_virtual(args: &Args, plan: &Plan) -> miette::Result<VirtualNano> {
     virtual_board::start(arguments, &args.faults)
 }
 
-/// Returns an error without the advice to resume a session: a run that was steered begins anew.
+/// Returns an error without the advice to resume a session, because a steered run begins anew.
 fn report(error: RecordError) -> Report {
     let help = error.help().map(|help| help.to_string()).unwrap_or_default();
     match help.strip_suffix("; then continue with --resume") {

@@ -169,7 +169,7 @@ fn swept(folder: &Folder, counts: &Counts) -> Swept {
     let written = |file: PathBuf| file.exists().then(|| file.display().to_string());
     let (points, done) = (folder.sweep.plan.points(), counts.done.count());
     let missing = points - done;
-    // What was lost with a part may have been computed again.
+    // Points lost with a part may have been computed again.
     let damaged = counts.parts.damaged.iter().filter(|_| missing > 0);
     let warning = |part: &PathBuf| format!("{}: cut off or damaged, its remaining points are missing", part.display());
     Swept {
@@ -190,7 +190,7 @@ fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let absolute = |path: &Path| std::path::absolute(path).into_diagnostic().wrap_err("the current folder");
     let program: PathBuf = std::env::current_exe().into_diagnostic().wrap_err("the path of this program")?;
-    // A plan that is no file is inside the program.
+    // A plan that is not a file is inside the program.
     let file = if args.plan.exists() { absolute(&args.plan)? } else { args.plan.clone() };
     let folder = absolute(&folder)?;
     let script = sweep::script(&program, &file, &folder, args.shards.into(), &plan.name);

@@ -11,15 +11,15 @@ use std::path::Path;
 
 #[derive(Debug, Default, Serialize)]
 pub struct Swept {
-    /// The table as Parquet; `null` where it was not written, as by a shard.
+    /// The table as Parquet; `null` if it was not written, for instance by a shard.
     pub table: Option<String>,
     /// The table as CSV.
     pub csv: Option<String>,
-    /// What each point cost, as CSV.
+    /// The cost of each point, as CSV.
     pub cost: Option<String>,
     /// Number of points of the plan, or of the shard.
     pub points: u64,
-    /// How many of them have a result, failed ones too.
+    /// Number of points with a result, including failed ones.
     pub done: u64,
     pub missing: u64,
     pub failed: u64,
@@ -29,11 +29,11 @@ pub struct Swept {
 
 pub struct Status {
     pub swept: Swept,
-    /// Time that the workers at work need for the missing points; `null` if none is at work.
+    /// Time that the active workers need for the missing points; `null` if none is active.
     pub time_left_s: Option<f64>,
-    /// Why points failed, if it was asked for.
+    /// The reasons for failed points, if requested.
     pub reasons: Option<Vec<Failed>>,
-    /// The progress of each shard, if it was asked for.
+    /// The progress of each shard, if requested.
     pub shards: Option<Vec<ShardCounts>>,
 }
 

@@ -5,7 +5,7 @@ use crate::ticks;
 use protocol::units::CentiRpm;
 use study::statistics::extremes;
 
-/// The most cells along an axis: more are too small to see.
+/// Largest number of cells along an axis: more are too small to see.
 const MAX_CELLS: usize = 40;
 
 /// Room about the outermost dots, as a share of their range.
@@ -21,7 +21,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Returns the axes of both flagella: a grid where all speeds lie on one that can be drawn, else ranges.
+    /// Returns the axes of both flagella: a grid if all speeds lie on one that can be drawn, otherwise ranges.
     pub fn of_both(points: &[Point]) -> [Self; 2] {
         let speeds = [0, 1].map(|k| points.iter().map(|point| point.speeds_rpm[k]).collect::<Vec<_>>());
         match speeds.each_ref().map(|speeds| Self::grid(speeds)) {
@@ -47,7 +47,7 @@ impl Axis {
         (nodes <= MAX_CELLS).then_some(Self { from_rpm, to_rpm, nodes })
     }
 
-    /// Where a speed lies, from 0 at the start of the axis to 1 at its end.
+    /// Returns the position of a speed, from 0 at the start of the axis to 1 at its end.
     pub fn share(self, speed_rpm: f64) -> f64 {
         (speed_rpm - self.from_rpm) / (self.to_rpm - self.from_rpm)
     }

@@ -33,7 +33,7 @@ pub(super) struct Map<'a> {
     pub scale_deg: f64,
 }
 
-/// Fewer points make no map.
+/// Fewest points of a map.
 const LEAST_POINTS: usize = 6;
 
 const WIDTH: f64 = 430.0;
@@ -43,13 +43,13 @@ const TOP: f64 = 20.0;
 const SCALE: f64 = 74.0;
 const DOT_RADIUS: f64 = 6.5;
 
-/// Whether the points make a map: there are enough of them, and both flagella have more than one speed.
+/// Returns whether the points make a map: there are enough of them, and both flagella have more than one speed.
 pub(super) fn is_map(points: &[Point]) -> bool {
     let differs = |k: usize| points.iter().any(|point| point.speeds_rpm[k] != points[0].speeds_rpm[k]);
     points.len() >= LEAST_POINTS && differs(0) && differs(1)
 }
 
-/// The largest value, for a scale that several maps share.
+/// Returns the largest value, for a scale that several maps share.
 pub(super) fn largest(points: &[Point]) -> f64 {
     points.iter().map(|point| point.value_deg).filter(|value| value.is_finite()).fold(0.0, f64::max)
 }
@@ -71,7 +71,7 @@ impl Map<'_> {
         }
     }
 
-    /// Says in words what the map shows.
+    /// Describes the map in words.
     pub fn caption(&self) -> String {
         let values = || self.points.iter().map(|point| point.value_deg).filter(|value| value.is_finite());
         let least = values().fold(f64::INFINITY, f64::min);
@@ -119,13 +119,13 @@ impl Plot {
         self.bottom - self.down.share(speed_rpm) * (self.bottom - TOP)
     }
 
-    /// Width and height of a cell, if the map has cells.
+    /// Returns width and height of a cell, if the map has cells.
     fn cell(&self) -> Option<[f64; 2]> {
         let [across, down] = [self.across.nodes, self.down.nodes].map(|nodes| nodes as f64);
         (across > 0.0).then(|| [(self.right() - LEFT) / across, (self.bottom - TOP) / down])
     }
 
-    /// The outlines of all cells, or the frame of a map of dots with the lines of its ticks.
+    /// Draws the outlines of all cells, or the frame of a map of dots with the lines of its ticks.
     fn background(&self) -> Markup {
         let mut lines = String::new();
         let (right, bottom) = (self.right(), self.bottom);
@@ -164,7 +164,7 @@ impl Plot {
     }
 }
 
-/// A point as a cell or a dot, which links to its trial.
+/// Draws a point as a cell or a dot, which links to its trial.
 fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
     let [w1, w2] = point.speeds_rpm;
     let doubt = if point.is_settled { "" } else { ", not settled" };
@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(part_map.matches("<title>").count(), 77);
         let outline = |map: &str| map.split("<path").nth(1).unwrap().split('>').next().unwrap().to_owned();
         assert_eq!(outline(&part_map), outline(&whole));
-        // A cell is where it is on the whole map, in the same colour.
+        // A cell has the same place and colour as on the whole map.
         let cell = |map: &str| map.split("<rect").find(|rect| rect.contains("w1 100, w2 75 rpm")).unwrap().to_owned();
         assert_eq!(cell(&part_map), cell(&whole));
     }
