@@ -225,7 +225,7 @@ pub fn is_driven(nano: &mut VirtualNano) -> bool {
     nano.control("status").expect("a board")["pwm"] != json!([0, 0])
 }
 
-/// Returns the board's own time, s. On a busy computer it passes as slowly as everything else.
+/// Returns the board's own time, s. On a busy computer this time passes slowly, too.
 pub fn board_s(nano: &mut VirtualNano) -> f64 {
     nano.control("status").expect("a board")["seconds"].as_f64().expect("a number")
 }
@@ -315,7 +315,7 @@ pub fn firmware() -> PathBuf {
     built(repository().join("target/firmware.elf"))
 }
 
-/// Returns the path of a program of the release build, for `biflag` that of `BIFLAG_PROGRAM` if it is set: `biflag.exe` under
+/// Returns the path of a program of the release build, for `biflag` the path in `BIFLAG_PROGRAM` if it is set: `biflag.exe` under
 /// Wine. In a debug build the emulated board is too slow.
 pub fn program(name: &str) -> PathBuf {
     hear_signals();
@@ -324,7 +324,7 @@ pub fn program(name: &str) -> PathBuf {
 }
 
 /// Lets the programs that tests start receive signals. A shell ignores Ctrl-C for what it runs in the background, and programs
-/// inherit that, unless the signal has a handler: then a program begins with the system's reaction.
+/// inherit that, unless the signal has a handler: then a program starts with the system's default reaction.
 fn hear_signals() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -67,8 +67,8 @@ pub enum LogError {
 }
 
 impl LogError {
-    /// Returns whether the file could not be read. This says nothing about its content: it may be an intact log once
-    /// its permissions or its disk are in order.
+    /// Returns whether the file could not be read. Its content is then unknown: it may be an intact log once its permissions or
+    /// its disk are in order.
     pub fn is_of_reading(&self) -> bool {
         matches!(self, Self::Read { .. } | Self::Missing { .. })
     }

@@ -50,7 +50,7 @@ pub(super) enum Piece {
 /// The scanner. It holds one record at a time.
 #[derive(Debug)]
 pub(super) struct Scanner<R> {
-    /// What the log is read from.
+    /// The source of the log's bytes.
     pub source: R,
     length: u64,
     /// Offset of the next record.

@@ -216,8 +216,8 @@ fn states(table: &Table) -> Vec<i64> {
     if let Some(Values::Text(kinds)) = kinds { kinds.iter().map(index).collect() } else { vec![-1; table.rows()] }
 }
 
-/// Returns the inputs, in the order of the columns. Where each point of a design has a value of its own, a single column
-/// distinguishes all points; so the axes of a sweep come first.
+/// Returns the inputs, in the order of the columns. If each point of a design has distinct values, a single column distinguishes
+/// all points, so the axes of a sweep come first.
 fn inputs(columns: &[Column]) -> Vec<&Column> {
     // Seven digits: results of the same inputs may differ in their last digits.
     let distinct = |chosen: &[usize]| {

@@ -43,7 +43,7 @@ impl Failure {
         Self { class: ERROR, ..Self::parameter(key, reason) }
     }
 
-    /// Returns the failure of work that was told to stop; the exception of the signal takes its place.
+    /// Returns the failure of stopped work; the exception of the signal takes its place.
     pub fn interrupted() -> Self {
         Self::new("work", "interrupted")
     }

@@ -16,7 +16,7 @@ use study::sweep::{Folder, Merged, Missing, Record, Shard, SweepPlan, read_table
 type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);
 
 /// Computes the points of a plan that a folder does not have yet, writes the table of all points there, and returns it. `plan`:
-/// the text of a plan if it has several lines, or else its path or its name inside the program; `progress` is called with the
+/// the text of a plan if it has several lines, otherwise its path or its name inside the program; `progress` is called with the
 /// numbers of finished points and of all points.
 #[pyfunction]
 #[pyo3(signature = (plan, out, threads, progress))]

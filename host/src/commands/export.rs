@@ -23,7 +23,7 @@ pub struct Args {
     /// A log, or a session folder.
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
-    /// The format [default: that of the output's name, or csv].
+    /// The format [default: by the output's name, or csv].
     #[arg(short, long, value_parser = formats())]
     format: Option<Format>,
     /// The file to write, or for a session the folder [default: LOG with the format's extension, or SESSION-export].

@@ -52,7 +52,7 @@ enum Subject {
     Strip {
         #[command(flatten)]
         trial: OneTrial,
-        /// How many moments, from the first to the last of the time.
+        /// Number of moments, evenly spaced over the time range.
         #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(MOMENTS))]
         moments: u16,
         #[command(flatten)]
@@ -69,7 +69,7 @@ enum Subject {
         /// The input along the axis.
         #[arg(long, value_name = "COLUMN", default_value = "w1_rpm")]
         over: String,
-        /// The input that tells the curves apart.
+        /// The input that distinguishes the curves.
         #[arg(long, value_name = "COLUMN")]
         by: Option<String>,
         /// The value of another input, such as w2_rpm=10; may be repeated. By default the one that most points have.

@@ -37,18 +37,18 @@ pub struct Args {
     /// Lines before the names of the columns, such as a header of the instrument.
     #[arg(long, value_name = "LINES", default_value_t = 0)]
     skip: usize,
-    /// The log to write, which must not exist yet; by default that of the table's name.
+    /// The log to write, which must not exist yet; by default named after the table.
     #[arg(short, long = "out", alias = "output", value_name = "LOG", value_parser = written_as(&["mcap"]))]
     output: Option<PathBuf>,
-    /// The log of a recording of the same trial. The clock of the table is then found by the yaw that both have measured, and
-    /// robot, speeds and run are those of the recording: the table is a second source of its angles.
+    /// The log of a recording of the same trial. The clock of the table is then found from the yaw in both, and robot, speeds and
+    /// run are the recording's: the table is a second source of its angles.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["speeds", "run", "robot"])]
     trial: Option<PathBuf>,
-    /// When the LED of the board (D13), which is lit while a motor is on, came on and went off in the pictures of a camera, in seconds by
-    /// the table's clock: the clock is found by it instead of the yaw.
+    /// Times at which the LED of the board (D13), which is lit while a motor is on, went on and off in the pictures of a camera,
+    /// in seconds by the table's clock: they give the clock instead of the yaw.
     #[arg(long, value_name = "ON,OFF", value_parser = span, allow_hyphen_values = true, requires = "trial")]
     sync: Option<[f64; 2]>,
-    /// Speeds of flagella 1 and 2 in rpm; by default those of the columns w1, w2, or of turns1, turns2.
+    /// Speeds of flagella 1 and 2 in rpm; by default from the columns w1, w2, or turns1, turns2.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true)]
     speeds: Option<[CentiRpm; 2]>,
     /// The run, in seconds by the table's clock; by default the time in which the table's motors turn, or the whole table.

@@ -36,7 +36,7 @@ pub struct Args {
     /// Give a new board an unused board_id, and save its present settings. On a terminal it asks once for --supply.
     #[arg(long, group = "change")]
     new: bool,
-    /// What a meter reads between the board's pins 5V and GND: saves the reference with which the board measures its supply.
+    /// A meter's reading between the board's pins 5V and GND: saves the reference with which the board measures its supply.
     #[arg(long, value_name = "VOLTS", value_parser = volts)]
     supply: Option<f64>,
 }

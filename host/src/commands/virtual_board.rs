@@ -37,8 +37,8 @@ impl SensorArgs {
     }
 }
 
-/// How long the emulated board's time waits for this program, s. Its link is never silent (see [`rig::link`]) unless the computer
-/// is busy or the program is stopped, and neither should end a trial.
+/// Longest wait of the emulated board's time for this program, s. Its link is never silent (see [`rig::link`]) unless the
+/// computer is busy or the program is stopped, and neither should end a trial.
 const PATIENCE_S: &str = "60";
 
 /// The beginning of the message of the board's program about a wrong value of an option.

@@ -42,7 +42,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
     let is_log = |name: &str| name.starts_with("session/") && name.ends_with(".mcap");
     let logs = content.entries.iter().filter(|entry| is_log(&entry.name));
     let mut logs: Vec<_> = logs.map(|entry| json!({ "@id": address(&entry.name) })).collect();
-    // A single value is no list, by the recommendation of RO-Crate.
+    // A single value is not a list, as RO-Crate recommends.
     let logs = if logs.len() == 1 { logs.remove(0) } else { Value::from(logs) };
     let mut root = json!({
         "@id": "./",

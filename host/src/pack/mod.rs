@@ -38,7 +38,7 @@ pub struct Packed {
     pub bytes: u64,
     /// Findings about the trials.
     pub findings: Vec<LogFinding>,
-    /// What is missing in the archive, or should be added.
+    /// Notes on what is missing in the archive, or should be added.
     pub notes: Vec<String>,
     /// Whether there are no warnings about its content.
     #[serde(skip)]

@@ -20,7 +20,7 @@ pub fn print(text: &str) -> io::Result<()> {
     anstream::stdout().write_all(labelled(text).as_bytes())
 }
 
-/// Prints a text on stderr in the same way. A closed stderr is no error.
+/// Prints a text on stderr in the same way. A closed stderr is not an error.
 pub fn eprint(text: &str) {
     let _ = anstream::stderr().write_all(labelled(text).as_bytes());
 }

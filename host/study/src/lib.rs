@@ -4,10 +4,10 @@
 //! [`session`] folder. Everything after that reads a log through [`trial`]: the comparison with the model and the fit
 //! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] only use the model.
 //!
-//! It is a separate crate because three programs share it: `biflag`, the Python module, and a laboratory's own
-//! programs. None of them should compile a serial port or a web page to fit a viscosity. The interface to the crate
-//! `rig` is [`run::Recorder`], which accepts a trial's messages from any source; the interface to the crate `page` is
-//! [`trial::Data`] with [`trial::Zeroed`], and the comparisons made of them.
+//! It is a separate crate because three programs share it: `biflag`, the Python module, and a laboratory's own programs. A
+//! program that fits a viscosity should not compile a serial port or a web page. The interface to the crate `rig` is
+//! [`run::Recorder`], which accepts a trial's messages from any source; the interface to the crate `page` is [`trial::Data`] with
+//! [`trial::Zeroed`], and the comparisons made of them.
 //!
 //! | module | answers |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! The 95 % intervals of fitted parameters: a row for each parameter, a bar for each fit, and the value that the fit started from.
+//! The 95 % intervals of fitted parameters: a row for each parameter, a bar for each fit, and the initial value of the fit.
 
 use super::panel::{Axis, tick_text};
 use super::sheet::{FLAGELLA, FONT_PT, GRID, INK, MEASURED, MM, MODEL, Sheet, Stroke, short};

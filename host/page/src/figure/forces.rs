@@ -11,7 +11,7 @@ const PANEL_MM: f64 = 24.0;
 /// Returns the time to draw, s from the start of the run; by default the time of all forces.
 ///
 /// # Errors
-/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has no forces, which only models have; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn range(data: &Data, time_s: Option<[f64; 2]>) -> Result<[f64; 2], PageError> {
     let times = data.forces.time_s.iter().map(|time| time - data.times.run.start);
@@ -27,7 +27,7 @@ pub(super) fn range(data: &Data, time_s: Option<[f64; 2]>) -> Result<[f64; 2], P
 /// Draws the forces of a trial.
 ///
 /// # Errors
-/// [`PageError::WrongUse`] if the log has none: only a model knows them; [`PageError::Nothing`] if no sample lies in the
+/// [`PageError::WrongUse`] if the log has no forces, which only models have; [`PageError::Nothing`] if no sample lies in the
 /// time.
 pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, PageError> {
     let [from, to] = range(data, time_s)?;

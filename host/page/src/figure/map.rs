@@ -68,7 +68,7 @@ const SQUARE_PT: f64 = 1.1;
 /// Least length of a contour with a label, in widths of the label, which would hide too much of a shorter one.
 const SEEN: f64 = 3.0;
 
-/// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
+/// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN is a missing value.
 #[derive(Clone, PartialEq, Debug)]
 struct Grid {
     xs: Vec<f64>,

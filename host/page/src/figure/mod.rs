@@ -127,9 +127,9 @@ impl Figure {
 pub struct Remarks {
     /// Findings about the logs that it shows, and about those that it leaves out.
     pub findings: Vec<LogFinding>,
-    /// Warnings about what is drawn together.
+    /// Warnings about trials that are drawn together.
     pub warnings: Vec<String>,
-    /// Notes on what is drawn.
+    /// Notes on the content of the figure.
     pub notes: Vec<String>,
 }
 

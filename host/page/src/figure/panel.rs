@@ -79,7 +79,7 @@ impl Panel {
         self.top + self.height
     }
 
-    /// Draws grid lines and frame, the ticks of the y axis, and with `has_x` those of the x axis.
+    /// Draws grid lines and frame, the ticks of the y axis, and with `has_x` the ticks of the x axis.
     pub fn frame(&self, sheet: &mut Sheet, has_x: bool) {
         let (right, bottom) = (self.left + self.width, self.bottom());
         let (across, up) = (self.x.ticks(self.width / 26.0), self.y.ticks(self.height / 13.0));

@@ -1,4 +1,4 @@
-//! A film as an animated GIF. Each frame holds what has changed since the one before.
+//! A film as an animated GIF. Each frame contains only the part that differs from the frame before.
 
 use super::palette::{Palette, TRANSPARENT};
 use super::{FRAME_S, Frames};

@@ -22,7 +22,7 @@ impl ByteBudget {
         self.0 >= 8_000
     }
 
-    /// Returns the bytes for curves. Shapes get the rest of the budget, and what the curves do not use.
+    /// Returns the bytes for curves. Shapes get the rest of the budget, and the bytes that the curves do not use.
     pub(super) fn series(self) -> usize {
         self.0 / 4 * 3
     }

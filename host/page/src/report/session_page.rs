@@ -81,7 +81,7 @@ impl Session<'_> {
         self.has_charts && self.views().len() <= OPENS_FIRST
     }
 
-    /// Returns title and answer. The results and the table of a session of many trials follow; a session of few trials goes on
+    /// Returns title and answer. The results and the table of a session of many trials follow; a session of few trials continues
     /// with its first trial, so that the page opens on the robot.
     pub fn header(&self) -> Markup {
         let Self { folder, plan, rows, comparison, .. } = *self;

@@ -227,7 +227,7 @@ mod tests {
                 prop_assert!((sin.hypot(cos) - 1.0).abs() < 1e-12);
             }
             prop_assert_eq!(fitted.ranges.is_none(), fitted.samples.time_s.len() == rows);
-            // Beside the numbers: names, and the origin and the step of seven columns.
+            // In addition to the numbers: names, and the origin and the step of seven columns.
             prop_assert!(fitted.page(&columns).to_string().len() < bytes + 100 + 7 * 90);
         }
 

@@ -198,7 +198,7 @@ impl Link {
         }
     }
 
-    /// Clears a fault. A cause that persists is no error: the next frame states the fault.
+    /// Clears a fault. A cause that persists is not an error: the next frame states the fault.
     ///
     /// # Errors
     /// As [`Link::ask`].

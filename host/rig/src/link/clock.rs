@@ -66,8 +66,8 @@ impl PingClock {
         self.pings.push_back(Ping { board_us, host_s: 0.5 * (sent + answered), round_trip_s: answered - sent });
     }
 
-    /// Returns the least-squares fit over the faster half of the pings: a slow answer says little about when the board
-    /// read its clock. `opened`: when the link was opened. Returns `None` with fewer than ten pings.
+    /// Returns the least-squares fit over the faster half of the pings: a slow answer gives no exact time at which the board read
+    /// its clock. `opened`: when the link was opened. Returns `None` with fewer than ten pings.
     pub fn fit(&self, opened: SystemTime) -> Option<ClockMeta> {
         if self.pings.len() < 10 {
             return None;

@@ -141,7 +141,7 @@ struct InFlight {
 }
 
 impl<L: Line> Worker<L> {
-    /// Returns the worker of a line. `seq`: the number before that of the first request.
+    /// Returns the worker of a line. `seq`: the number before the first request's.
     pub(super) fn new(
         line: L,
         requests: Receiver<PendingRequest>,

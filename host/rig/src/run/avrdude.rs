@@ -180,7 +180,7 @@ fn run(
 /// Waits until avrdude has exited, or must be killed.
 fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
     let until = Instant::now() + limit;
-    // Nobody waits for the thread that reads them.
+    // The thread that reads the lines ends by itself, and is not joined.
     let lines = child.stderr.take().map_or_else(|| channel().1, |stderr| lines(stderr, u64::MAX));
     let mut said = String::new();
     loop {

@@ -33,7 +33,7 @@ pub struct Args {
     /// Turn the motors to test them, the encoders and their wiring.
     #[arg(long)]
     motors: bool,
-    /// Ask nothing: take the motors' directions for correct, and save the settings that the test found.
+    /// Ask nothing: assume that the motors' directions are correct, and save the settings that the test found.
     #[arg(long, requires = "motors")]
     yes: bool,
     /// Test the motors of the emulated board.

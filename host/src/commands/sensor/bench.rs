@@ -38,7 +38,7 @@ pub struct Common {
     r#virtual: Option<Option<PathBuf>>,
     #[command(flatten)]
     sensor: SensorArgs,
-    /// The sensor's file. What is in it already stays, unless it is measured again.
+    /// The sensor's file. Its values stay, unless they are measured again.
     #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME, value_parser = written_as(&["toml"]))]
     output: PathBuf,
 }
@@ -241,7 +241,7 @@ fn values(file: &MeasuredSensor) -> Value {
     Value::Object(values)
 }
 
-/// Formats a value of each axis with its 95 % uncertainty, as a line. `scale`: that of the unit.
+/// Formats a value of each axis with its 95 % uncertainty, as a line. `scale`: factor to the unit.
 pub fn row(title: &str, values: &[Estimate; 3], scale: f64, places: usize, unit: &str) -> String {
     let cell = |(axis, one): (&str, &Estimate)| {
         format!("{axis} {} ± {:.places$}", signed(scale * one.value, places), 1.96 * scale * one.u)

@@ -16,7 +16,7 @@ pub struct Args {
     /// Time in each pose, s.
     #[arg(long, default_value_t = 20.0, value_parser = within("seconds", 5.0..=3600.0))]
     seconds: f64,
-    /// Each pose is exact within this, degrees.
+    /// Largest error of each pose, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = within("an angle in degrees", 0.01..=10.0))]
     placement: f64,
     #[command(flatten)]

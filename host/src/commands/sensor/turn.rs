@@ -27,7 +27,7 @@ pub struct Args {
     /// Times to turn forwards and back.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     repeats: u16,
-    /// The angle between the marks is exact within this, degrees.
+    /// Largest error of the angle between the marks, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = within("an angle in degrees", 0.01..=36_000.0))]
     reference: f64,
     #[command(flatten)]
@@ -149,7 +149,7 @@ struct Hand {
 }
 
 impl Hand {
-    /// Turns the emulated sensor when the program says so.
+    /// Turns the emulated sensor when the program asks for it.
     fn follow(
         &mut self,
         step: TurnStep,

@@ -54,12 +54,12 @@ pub struct Args {
 
 #[derive(clap::Subcommand, Debug)]
 enum Action {
-    /// Write the table of a sweep whose shards are done. Points that are missing are an error.
+    /// Write the table of a sweep whose shards are done. Missing points are an error.
     Merge {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
-        /// Write the table without the points that are missing.
+        /// Write the table without the missing points.
         #[arg(long)]
         partial: bool,
     },
@@ -68,7 +68,7 @@ enum Action {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
-        /// Print why points failed: how many for each reason, and one of them.
+        /// Print why points failed: their number for each reason, and one of them.
         #[arg(long)]
         failed: bool,
         /// Print the progress of each of N shards.

@@ -319,7 +319,7 @@ mod tests {
         series
     }
 
-    /// A misaligned sensor measures part of the yaw's return to rest about x and y, which is no bias of the gyroscope.
+    /// A misaligned sensor measures part of the yaw's return to rest about x and y, which is not a bias of the gyroscope.
     #[test]
     fn askew_sensor_reads_no_bias_in_a_return_to_rest() {
         let yaw_dps = |t: f64| if t < 140.0 { 0.0 } else { -19.0 * (-(t - 140.0) / 10.8).exp() };

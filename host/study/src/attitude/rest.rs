@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Length of the blocks, s.
 pub(super) const BLOCK_S: f64 = 2.0;
 
-/// Lengths of the blocks for the noise, s: many short ones, and those of the drift's estimate, which also contain slow
+/// Lengths of the blocks for the noise, s: many short ones, and the blocks of the drift's estimate, which also contain slow
 /// noise.
 const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
 

@@ -11,7 +11,7 @@ pub struct Column {
     pub unit: Cow<'static, str>,
     /// Description, for the header.
     pub about: Cow<'static, str>,
-    /// One value a row.
+    /// One value per row.
     pub values: Values,
 }
 

@@ -27,7 +27,7 @@ pub enum SteerError {
     #[error("the policy gave no speeds within {waited_s} s")]
     #[diagnostic(help("{REPLY}"))]
     Silent { waited_s: f64 },
-    /// The policy wrote something else.
+    /// The policy wrote a line that is not its speeds.
     #[error("the policy wrote {line:?}, which is not a line of speeds: {reason}")]
     #[diagnostic(help("{REPLY}"))]
     Nonsense { line: String, reason: String },

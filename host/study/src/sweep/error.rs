@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// What the folder of a session is.
+/// The kind of a session's folder, in messages.
 pub(super) const SESSION: &str = "a session folder";
 
 const REUSE: &str = "; --reuse DIR takes over the points that both sweeps have";

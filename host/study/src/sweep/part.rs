@@ -61,7 +61,7 @@ pub struct PartWriter {
 }
 
 impl PartWriter {
-    /// Creates a part with a new name in a folder. Its points are computed here unless [`Self::push_from`] says otherwise.
+    /// Creates a part with a new name in a folder. Its points are computed here, except those added by [`Self::push_from`].
     ///
     /// # Errors
     /// The file cannot be written.

@@ -81,7 +81,7 @@ pub struct Point {
     pub speeds_rpm: [f64; 2],
     /// Value of each axis of the plan; the robot's value for a key that is not changed.
     pub values: Vec<f64>,
-    /// The groups over those of the robot `published`, in the order of [`Group::ALL`].
+    /// The groups relative to those of the robot `published`, in the order of [`Group::ALL`].
     pub multiples: [f64; 4],
     /// The robot, which may be invalid, or the reason why its keys do not accept the values.
     pub robot: Result<Robot, String>,

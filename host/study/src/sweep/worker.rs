@@ -27,8 +27,8 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Hands out the points of a shard, then those of other shards whose workers have started, and finally those of its own
-    /// that others have claimed but not finished.
+    /// Hands out the points of a shard, then points of other shards whose workers have started, and finally the shard's own
+    /// points that others have claimed but not finished.
     fn hand_out(&mut self, shard: Shard) -> Result<(), SweepError> {
         if shard == Shard::ALL {
             // No other worker can help.

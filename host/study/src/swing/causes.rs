@@ -35,7 +35,7 @@ pub enum Cause {
     },
 }
 
-/// Speeds of slower motors are not judged: their lines are weak beside the disturbances of a rig.
+/// Speeds of slower motors are not judged: their lines are weak compared with the disturbances of a rig.
 pub const SLOWEST_RPM: f64 = 10.0;
 
 /// Faster motors are not expected.

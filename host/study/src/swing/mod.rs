@@ -174,7 +174,7 @@ pub enum Label {
     NotJudged(&'static str),
 }
 
-/// Reasons why two motors of a label may look alike.
+/// Reasons why the two motors of a label may be indistinguishable.
 struct Doubts {
     /// Length of the motion, s.
     length_s: f64,
@@ -252,7 +252,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
         [true, true] => return Some(Label::HardlySwings(Swing::Whole)),
         _ => {}
     }
-    // The swings of alike motors may cancel in the plane, or about z.
+    // The swings of equally fast motors may cancel in the plane, or about z.
     match hardly_swings(fitter.swing_dps(), ONE_SWING) {
         _ if trial.may_be_alike() || doubts.are_alike || doubts.is_noisy => None,
         [true, _] => Some(Label::HardlySwings(Swing::Tilt)),

@@ -26,7 +26,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Averages a part of the readings of yaw, pitch and roll (°). Returns `None` where it is too short, or has too few of them.
+    /// Averages a part of the readings of yaw, pitch and roll (°). Returns `None` if the part is too short or has too few
+    /// readings.
     pub fn of(angles_deg: &Columns<3>, part_s: Range<f64>) -> Option<Self> {
         let start_s = part_s.start.max(part_s.end - LONGEST_S);
         let count = ((part_s.end - start_s) / INTERVAL_S).floor().max(0.0) as usize;

@@ -1,4 +1,4 @@
-//! What the rest before a run shows: whether there was one, and whether the robot was still.
+//! Judges the rest before a run: whether there was one, and whether the robot was still.
 
 use super::back_at_zero::NotBack;
 use super::data::Data;
@@ -32,7 +32,7 @@ const LEAST_RATE_S: f64 = 0.2;
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
 
-/// What the rest before a run shows. A table of findings judges it.
+/// The facts about the rest before a run, which a table of findings judges.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(super) struct AtRest {
     /// Length of the still phase before the run, s.
@@ -42,7 +42,7 @@ pub(super) struct AtRest {
     /// Change of the tilt at the end of the still phase, degrees, if it is too large for a robot at rest; and whether
     /// the board's filter was settling.
     pub tilt_changed: Option<(f64, bool)>,
-    /// Rate of the yaw at rest after a calibration, °/s, if it is no drift.
+    /// Rate of the yaw at rest after a calibration, °/s, if it is not a drift.
     pub turned_dps: Option<f64>,
     /// Rate of the yaw at the start of the run, °/s, if the fit of the return to rest does not cover it.
     pub turning_dps: Option<f64>,
@@ -127,8 +127,8 @@ fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) ->
     Some((cos(pitch) * (y * sin(roll) + z * cos(roll)) - x * sin(pitch)).abs())
 }
 
-/// Returns by how much the tilt changed at the end of the still phase, degrees, if it did, and whether the board's filter
-/// was settling; else the robot moved.
+/// Returns the change of the tilt at the end of the still phase, degrees, if it is too large, and whether the board's filter was
+/// settling; otherwise the robot moved.
 fn tilt_changed(series: &Series, rest: &Rest) -> Option<(f64, bool)> {
     let over = end_of(&rest.before);
     let range = |values: Vec<f64>| {

@@ -67,7 +67,7 @@ fn apart(angle: &AngleComparison, sides: Sides) -> String {
     let least = from.abs().min(to.abs());
     let decimals = if error_deg.abs() < 1.0 { 2 } else { usize::from(error_deg.abs() < 10.0) };
     let [by, from_text, to_text] = [error_deg.abs(), from, to].map(|deg| decimal(deg, decimals));
-    // Near zero, the sign says little.
+    // Near zero, the sign is not informative.
     let text = match (from * to < 0.0 && least > 0.1 * error_deg.abs(), sides, to.abs() > from.abs()) {
         (true, ..) => format!("the {second} {verb} by {to_text}°, the {first} by {from_text}°"),
         (_, Sides::MeasurementAndModel, true) => format!("the model {verb} {by}° too far"),

@@ -80,7 +80,7 @@ impl Rule {
         Self::new(kind, Gravity::Note, cure, test)
     }
 
-    /// Creates a row for a warning that needs data which not every trial has.
+    /// Creates a row for a warning that needs data that some trials lack.
     const fn law(kind: FindingKind, cure: &'static str, test: Law) -> Self {
         Self { kind, gravity: Gravity::Warning, cure: Some(cure), test: Test::Law(test) }
     }

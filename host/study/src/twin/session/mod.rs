@@ -105,8 +105,8 @@ pub fn compare_pairs<T: Send>(
 /// Replays, each with its comparison and the caller's result for it.
 pub type ComparedReplays<T> = Replays<Result<(Comparison, T), TwinError>>;
 
-/// Compares recordings with their replays, which are computed where they are missing or outdated. `then` as in
-/// [`compare_pairs`]; the replay has the shapes and the forces that `want` asks for if the recording has none.
+/// Compares recordings with their replays, which are computed if they are missing or outdated. `then` as in [`compare_pairs`];
+/// the replay has the shapes and the forces that `want` asks for if the recording has none.
 ///
 /// # Errors
 /// As [`replay`].
