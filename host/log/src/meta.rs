@@ -308,7 +308,7 @@ pub struct ImportMeta {
     pub source_sha256: String,
     /// The mapping of columns to quantities, as text.
     pub columns: String,
-    /// Time at which the log begins, s: by the table's clock, or the recording's that it was aligned with.
+    /// Time at which the log begins, s: by the table's clock, or by the clock of the recording with which it was aligned.
     pub start_s: f64,
     /// Rows left out because of a missing value.
     pub left_out: u64,

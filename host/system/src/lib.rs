@@ -1,15 +1,15 @@
-//! The functions of the operating system beyond the standard library. No other crate calls it, so support for another system
-//! means other bodies of these functions. Linux and Windows have all of them.
+//! The functions of the operating system beyond the standard library. No other crate calls the system, so support for another
+//! system means other bodies of these functions. Linux and Windows have all of them.
 //!
-//! | module | answers | on other systems of POSIX |
+//! | module | content | on other systems of POSIX |
 //! | --- | --- | --- |
-//! | [`signals`] | whether the user wants the program to end | a signal is never known to be ignored |
-//! | [`children`] | how a program starts, and ends with all that it has started | it never seems to be held up |
-//! | [`shell`], [`terminal`] | how a user's command runs, and is shown; what the user types meanwhile | yes |
-//! | [`port`], [`claim`], [`meddlers`] | whether a serial port is free, who holds it, who disturbs it | neither holder nor meddlers |
+//! | [`signals`] | interruption by the user | ignored signals are not recognised |
+//! | [`children`] | programs: their start, and their end with all that they have started | waiting is not recognised |
+//! | [`shell`], [`terminal`] | running and quoting a user's command; lines that the user types meanwhile | complete |
+//! | [`port`], [`claim`], [`meddlers`] | serial ports: whether they are free, who holds or disturbs them | neither holder nor meddlers |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
-//! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that keep no reader away | yes |
-//! | [`avrdude`], [`folders`], [`clock`] | how to flash, the user's settings, a thread's time | yes |
+//! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that do not exclude readers | complete |
+//! | [`avrdude`], [`folders`], [`clock`] | the flashing program, the user's settings, a thread's time | complete |
 
 pub mod children;
 pub mod meddlers;

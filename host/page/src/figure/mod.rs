@@ -225,9 +225,9 @@ fn of_trial(
     Ok(Figure { svg: draw(&own)?, provenance, remarks: Remarks::of(&own) })
 }
 
-/// Draws maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
-/// map of `surface`, which must be of the same robot unless `anyway`. A pair of speeds has the mean of its trials; trials that did
-/// not end as planned are left out. `at` as in [`Lines`].
+/// Draws maps of |yaw|, |pitch|, |roll| and tilt over both speeds, from `session`, which may be a sweep. With `surface`, draws
+/// the points of `session` over the map of `surface`, which must be of the same robot unless `anyway`. A pair of speeds has the
+/// mean of its trials; trials that did not end as planned are left out. `at` as in [`Lines`].
 ///
 /// # Errors
 /// [`PageError`].

@@ -92,7 +92,7 @@ fn a_page_is_self_contained_small_and_written_again() {
     assert_eq!(written.bytes, page.len() as u64);
     assert!(page.len() < 400_000, "{}", page.len());
     assert!(page.contains("001_w1+50_w2+10 at (50, 10) rpm") && page.contains("The charts show every sample."));
-    // No address but those in comments of the library, and the name of SVG, which nothing fetches.
+    // The only addresses are in comments of the library, and in the name of SVG, which nothing fetches.
     for address in page.match_indices("://").map(|(at, _)| &page[at.saturating_sub(8)..(at + 40).min(page.len())]) {
         assert!(
             ["github.com/leeoniya/uPlot", "www.w3.org/2000/svg"].iter().any(|known| address.contains(known)),

@@ -187,8 +187,8 @@ mod tests {
 
     #[test]
     fn bias_is_removed_at_rest_and_in_motion() {
-        // Offsets within the data sheet, and one of a board that reads 1.3 g at rest, which tilts the filter's world while the
-        // robot tilts.
+        // Offsets within the data sheet, and one of a board that reads 1.3 g at rest. The latter tilts the filter's world while
+        // the robot tilts.
         is_removed(Vector3::new(0.03, -0.02, 0.01), 0.05);
         is_removed(Vector3::new(0.02, -0.01, 0.30), 0.3);
     }

@@ -40,10 +40,10 @@ const OTHER_ROBOT: f64 = 0.2;
 const BEFORE_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
 const AFTER_DPS: [f64; 5] = [0.0, 0.01, 0.1, 1.0, 10.0];
 
-/// The faster motion after a run: candidate time constants, s, and the standard deviation of its rate when the motors
-/// stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with
-/// 64 °/s, which falls by three quarters every two seconds, until the slow return of 6.3 s remains. A fit of one
-/// exponential mistakes the rest of it for a bias.
+/// The faster motion after a run: candidate time constants, s, and the standard deviation of its rate when the motors stop, °/s.
+/// Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with 64 °/s, which falls by
+/// three quarters every two seconds, until the slow return of 6.3 s remains. A fit of one exponential mistakes the rest of this
+/// motion for a bias.
 pub(super) const FAST_S: [f64; 4] = [1.0, 1.25, 1.6, 2.0];
 const FAST_DPS: f64 = 60.0;
 

@@ -33,7 +33,7 @@ const MARGIN: f64 = 10.0;
 const MARGIN_WHERE_HARD: f64 = 25.0;
 
 /// Share of the least swing below which pitch and roll, or the yaw alone, do not swing. Radians read as degrees have a sixth of
-/// it.
+/// the least swing.
 const ONE_SWING: f64 = 0.5;
 
 /// Ratio of a motor's usual swing to the other motor's, below which no cause about this motor alone is named.
