@@ -44,7 +44,7 @@ pub fn simulate_batch<'py>(
         return Err(Failure::parameter("robot", reason).into());
     }
     let angles = phase_deg.map(f64::to_radians);
-    // Wrong arguments are wrong for all trials.
+    // Wrong arguments would fail in all trials.
     let profiles = pairs.iter().map(|rpm| speeds::constant(*rpm, duration, angles)).collect::<Result<Vec<_>, _>>()?;
     let one = |i: usize, stop: &AtomicBool| -> Result<SteadyMeta, Failure> {
         let goes_on = |_| !stop.load(Ordering::Relaxed);

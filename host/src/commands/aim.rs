@@ -48,7 +48,7 @@ pub struct Args {
     /// The table of a sweep (CSV or Parquet) with the initial speeds; by default the map of the robot `physical`.
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
-    /// Longest time, seconds; after it, the answer is what is known.
+    /// Longest time, seconds; an answer that is not complete by then is partial.
     #[arg(long = "for", value_name = "SECONDS", default_value_t = 60.0, value_parser = within("seconds", 0.001..=86_400.0))]
     longest_s: f64,
     /// The plan to write, with a trial at each pair of speeds; it must not exist yet.

@@ -6,7 +6,7 @@
 //! | [`signals`] | interruption by the user | ignored signals are not recognised |
 //! | [`children`] | programs: their start, and their end with all that they have started | a delay is not recognised |
 //! | [`shell`], [`terminal`] | running and quoting a user's command; lines that the user types meanwhile | complete |
-//! | [`port`], [`claim`], [`meddlers`] | serial ports: whether one is free, who holds or disturbs it | neither holder nor meddlers |
+//! | [`port`], [`claim`], [`meddlers`] | serial ports, and the programs that hold or disturb them | neither holder nor meddlers |
 //! | [`network`] | the computer's name and its own addresses | without a hidden address |
 //! | [`disk`], [`mod@file`], [`lock`] | free room, equal files, renames, locks that do not exclude readers | complete |
 //! | [`avrdude`], [`folders`], [`clock`] | the flashing program, the user's settings, a thread's time | complete |

@@ -124,7 +124,7 @@ impl SwingSpeeds {
         self.measured_w1_rpm.zip(self.measured_w2_rpm).map(<[f64; 2]>::from)
     }
 
-    /// Measures the speeds in a part of a run; without a part, they are unknown for its reason.
+    /// Measures the speeds in a part of a run. If there is no such part, they are unknown, for the given reason.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
         match part_s.and_then(|part_s| speeds(angles_deg, part_s, None)) {
             Ok(speeds) => Self::told(speeds),
