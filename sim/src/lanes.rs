@@ -284,16 +284,18 @@ impl Vectors {
     /// Sets the first vectors.
     #[inline(always)]
     pub fn copy_from(&mut self, values: &[V3]) {
+        let [x, y, z] = self.0.each_mut().map(|axis| &mut axis[..values.len()]);
         for (i, value) in values.iter().enumerate() {
-            self.set(i, *value);
+            (x[i], y[i], z[i]) = (value.x, value.y, value.z);
         }
     }
 
     /// Copies the first vectors out.
     #[inline(always)]
     pub fn copy_to(&self, values: &mut [V3]) {
+        let [x, y, z] = self.0.each_ref().map(|axis| &axis[..values.len()]);
         for (i, value) in values.iter_mut().enumerate() {
-            *value = self.at(i);
+            *value = V3::new(x[i], y[i], z[i]);
         }
     }
 

@@ -28,28 +28,25 @@ const SERIES: [f64; 3] = [0.05, 0.1, 0.2];
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
-    let sine = if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { sin(x) / angle };
-    let versine = if x.abs() < SERIES[0] {
-        tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0)
-    } else {
-        2.0 * (1.0 - cos(x)) / (angle * angle)
+    let sine = || if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { sin(x) / angle };
+    let versine = || match x.abs() < SERIES[0] {
+        true => tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0),
+        false => 2.0 * (1.0 - cos(x)) / (angle * angle),
     };
-    let cubic = if x.abs() < SERIES[1] {
-        powi(tau, 3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - powi(x2, 3) / 60480.0)
-    } else {
-        6.0 * (x - sin(x)) / powi(angle, 3)
+    let cubic = || match x.abs() < SERIES[1] {
+        true => powi(tau, 3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - powi(x2, 3) / 60480.0),
+        false => 6.0 * (x - sin(x)) / powi(angle, 3),
     };
-    let quartic = if x.abs() < SERIES[2] {
-        powi(tau, 4) * (1.0 - x2 / 30.0 + x2 * x2 / 1680.0 - powi(x2, 3) / 151_200.0)
-    } else {
-        24.0 * (cos(x) - 1.0 + 0.5 * x2) / powi(angle, 4)
+    let quartic = || match x.abs() < SERIES[2] {
+        true => powi(tau, 4) * (1.0 - x2 / 30.0 + x2 * x2 / 1680.0 - powi(x2, 3) / 151_200.0),
+        false => 24.0 * (cos(x) - 1.0 + 0.5 * x2) / powi(angle, 4),
     };
     match points {
         1 => [1.0, 0.0, 0.0, 0.0, 0.0],
         2 => [1.0, tau, 0.0, 0.0, 0.0],
-        3 => [1.0, sine, versine, 0.0, 0.0],
-        4 => [1.0, tau, versine, cubic, 0.0],
-        _ => [1.0, tau, tau * tau, cubic, quartic],
+        3 => [1.0, sine(), versine(), 0.0, 0.0],
+        4 => [1.0, tau, versine(), cubic(), 0.0],
+        _ => [1.0, tau, tau * tau, cubic(), quartic()],
     }
 }
 
