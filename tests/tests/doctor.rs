@@ -253,7 +253,7 @@ fn preflight_refuses_and_resume_continues() {
     };
     let session = bench.path().join("bench");
     nano.control("fault supply=4400").unwrap();
-    // It measures its supply once a second.
+    // It averages its supply over some measurements, four a second.
     pass(&mut nano, 3.0);
     record(&["the board's supply is 4.4", "4.5 V are needed"]);
     assert_eq!(logs(&session), Vec::<std::path::PathBuf>::new(), "refused before the trial");

@@ -1,8 +1,8 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 //!
-//! On a full line a byte comes and another goes every 320 cycles, 300 of them in a tick's work. So the queues are our own:
-//! their indices are bytes, which need no critical sections. Their interrupts are written by hand, because the compiler saves
-//! registers that they do not need: they take 57 and 48 cycles; the compiler's took 89 and 64.
+//! On a full line a byte comes and another goes every 320 cycles: some 300 of both during the work of a tick. So the
+//! queues are our own: their indices are bytes, which need no critical sections. Their interrupts are written by hand,
+//! because the compiler saves registers that they do not need: they take 57 and 48 cycles; the compiler's took 89 and 64.
 
 use core::arch::global_asm;
 use core::sync::atomic::{Ordering, compiler_fence};

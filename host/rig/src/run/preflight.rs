@@ -37,7 +37,7 @@ const LEAST_PINGS: u32 = 10;
 const RIG_BYTES_PER_S: f64 = 80e3;
 const SIMULATED_BYTES_PER_S: f64 = 250e3;
 
-/// The board measures its supply once a second.
+/// The board measures its supply four times a second.
 const SUPPLY_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Checks that the settings were in the board's EEPROM when it started.
