@@ -1,13 +1,26 @@
 //! Errors in a plan, a robot file, or a file of board settings. All of them count as wrong use.
 
 use super::shipped::Shipped;
-use crate::session::{A_SWEEP, is_sweep};
 use biflag_log::similar::{did_you_mean, suggest};
 use miette::Diagnostic;
 use sim::params::BUILT_IN;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+/// What to do with the folder of a sweep.
+pub(crate) const A_SWEEP: &str =
+    "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
+
+/// Returns the path of the manifest of a sweep.
+pub(crate) fn sweep_manifest(folder: &Path) -> PathBuf {
+    folder.join("sweep.toml")
+}
+
+/// Returns whether a folder has the manifest of a sweep.
+pub(crate) fn is_sweep(folder: &Path) -> bool {
+    sweep_manifest(folder).is_file()
+}
 
 /// Why a file was not accepted.
 #[derive(Error, Diagnostic, Debug)]

@@ -1,5 +1,6 @@
 //! Errors of session folders.
 
+use crate::plan::error::{A_SWEEP, is_sweep};
 use crate::plan::{PlanError, Shipped};
 use biflag_log::LogError;
 use biflag_log::similar::did_you_mean;
@@ -10,15 +11,6 @@ use thiserror::Error;
 
 const MADE_BY: &str =
     "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml";
-
-/// What to do with the folder of a sweep.
-pub(crate) const A_SWEEP: &str =
-    "it is the folder of a sweep: `biflag sweep status`, `report` and `figure map` read it";
-
-/// Returns whether a folder has the manifest of a sweep.
-pub(crate) fn is_sweep(folder: &Path) -> bool {
-    folder.join("sweep.toml").is_file()
-}
 
 /// Returns what to do with a folder that is not a session.
 fn instead(folder: &Path) -> String {

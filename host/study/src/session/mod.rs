@@ -22,11 +22,11 @@ mod rebuild;
 mod rig;
 
 pub use error::SessionError;
-pub(crate) use error::{A_SWEEP, is_sweep};
 pub use lock::{Lock, Sharing, UNFINISHED, is_being_recorded, is_in_use, recorded};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
 
+use crate::plan::error::is_sweep;
 use crate::plan::{Plan, Trial};
 use crate::text::count;
 use crate::trial::{Data, Finding, FindingKind, Judged, LogFinding, Want};

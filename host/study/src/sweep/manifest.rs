@@ -5,11 +5,12 @@
 
 use super::SweepError;
 use super::error::SESSION;
+pub(super) use crate::plan::error::sweep_manifest as path;
 use crate::session;
 use biflag_log::atomic_file;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The manifest.
 #[derive(Serialize, Deserialize, PartialEq, Debug)]
@@ -23,11 +24,6 @@ pub struct Manifest {
     pub robot: String,
     /// Text of the plan's file.
     pub plan: String,
-}
-
-/// Returns the path of the manifest of a folder.
-pub fn path(folder: &Path) -> PathBuf {
-    folder.join("sweep.toml")
 }
 
 impl Manifest {

@@ -49,7 +49,7 @@ use std::path::{Path, PathBuf};
 
 /// Returns whether a folder contains a sweep.
 pub fn is_folder(path: &Path) -> bool {
-    manifest::path(path).is_file()
+    crate::plan::error::is_sweep(path)
 }
 
 /// Returns the path of the table in a sweep's folder, as Parquet.

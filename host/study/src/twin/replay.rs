@@ -170,25 +170,16 @@ pub fn replay<T: Send>(
         let made = then(&replayed, recording);
         Ok(Outcome::Replayed(Box::new(replayed), made))
     };
-    let robot_there = || {
-        let robot = |log: &PathBuf| last_meta::<RobotMeta>(log).ok()?;
-        source.logs.iter().find_map(|(trial, _)| robot(replay_folder::all(session, trial).ok()?.first()?))
-    };
-    let before = robot_there();
+    let before = robot_of_replays(source, session);
     let outcomes: Result<Vec<_>, TwinError> =
         pool(settings.jobs)?.install(|| source.logs.iter().par_bridge().map(one).collect());
     progress.finish();
-    let (folder, after) = (session.folder().display(), robot_there());
-    let replaced =
-        before.filter(|before| after.is_some_and(|after| after != *before)).map(|RobotMeta { name, .. }| {
-            format!("{folder} had replays of the robot {name}, which are now in {folder}/{}", replay_folder::ATTEMPTS)
-        });
     let mut replays = Replays {
         trials: Vec::new(),
         skipped: source.skipped.clone(),
         left_out: source.left_out.clone(),
         interrupted: false,
-        replaced,
+        replaced: replaced(before, source, session),
     };
     for outcome in outcomes? {
         match outcome {
@@ -201,6 +192,21 @@ pub fn replay<T: Send>(
     replays.trials.sort_by_key(|(replayed, _)| replayed.trial.index);
     replays.skipped.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(replays)
+}
+
+/// Returns the robot of the replays that a session has.
+fn robot_of_replays(source: &Source, session: &Session) -> Option<RobotMeta> {
+    let robot = |log: &PathBuf| last_meta::<RobotMeta>(log).ok()?;
+    source.logs.iter().find_map(|(trial, _)| robot(replay_folder::all(session, trial).ok()?.first()?))
+}
+
+/// Returns what to say if the session had replays of another robot, `before`.
+fn replaced(before: Option<RobotMeta>, source: &Source, session: &Session) -> Option<String> {
+    let (before, after) = (before?, robot_of_replays(source, session)?);
+    let (name, folder) = (&before.name, session.folder().display());
+    (after != before).then(|| {
+        format!("{folder} had replays of the robot {name}, which are now in {folder}/{}", replay_folder::ATTEMPTS)
+    })
 }
 
 /// Returns the model and the course of a replay, and how its helix angles can be found if the result depends on them.
