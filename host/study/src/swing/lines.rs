@@ -138,6 +138,17 @@ impl<'a> Fitter<'a> {
         [(x + y).sqrt(), z.sqrt()]
     }
 
+    /// Returns the largest root mean square that the swing may have if the angles have unequal noise: in the plane, and about
+    /// z, °/s.
+    pub fn largest_swing_dps(&self) -> [f64; 2] {
+        let count = self.motion.t.len() as f64;
+        let of_axis = |axis: usize| {
+            let noise = self.noise * (self.motion.variances[axis] / self.motion.angle_variance).min(1.0);
+            (self.square[axis] - noise).max(0.0) / count
+        };
+        [(of_axis(0) + of_axis(1)).sqrt(), of_axis(2).sqrt()]
+    }
+
     /// Returns the length of the motion, s.
     pub fn length_s(&self) -> f64 {
         self.motion.length_s

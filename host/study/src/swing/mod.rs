@@ -245,7 +245,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
     let end_s = trial.settled_s.end;
     let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
-    let at_the_end = at_the_end.map_or(fitter.swing_dps(), |motion| Fitter::new(&motion).swing_dps());
+    let at_the_end = at_the_end.map_or(fitter.largest_swing_dps(), |motion| Fitter::new(&motion).largest_swing_dps());
     match hardly_swings(at_the_end, 1.0) {
         [_, true] if trial.has_yaw_alone && !trial.may_be_alike() => return Some(Label::HardlySwings(Swing::Yaw)),
         _ if trial.has_yaw_alone => return Some(Label::NotJudged("not all angles are measured")),
@@ -253,7 +253,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
         _ => {}
     }
     // The swings of equally fast motors may cancel in the plane, or about z.
-    match hardly_swings(fitter.swing_dps(), ONE_SWING) {
+    match hardly_swings(fitter.largest_swing_dps(), ONE_SWING) {
         _ if trial.may_be_alike() || doubts.are_alike || doubts.is_noisy => None,
         [true, _] => Some(Label::HardlySwings(Swing::Tilt)),
         [_, true] => Some(Label::HardlySwings(Swing::Yaw)),

@@ -21,7 +21,9 @@ pub struct Motion {
     pub rates: [Vec<f64>; 3],
     /// Length of the part, s.
     pub length_s: f64,
-    /// Variance of the noise of an averaged angle, °².
+    /// Variances of the noise of an averaged angle about x, y and z, °².
+    pub variances: [f64; 3],
+    /// Their mean, °².
     pub angle_variance: f64,
 }
 
@@ -39,8 +41,9 @@ impl Motion {
         let rates = [bins.mean(&x)?, bins.mean(&y)?, bins.mean(&z)?].map(|turned| differences(&turned));
         let count = rates[0].len();
         let t = (0..count).map(|i| (i as f64 - (count - 1) as f64 / 2.0) * INTERVAL_S).collect();
-        let angle_variance = rates.iter().map(|rate| noise(rate)).sum::<f64>() / 3.0;
-        Some(Self { t, rates, length_s: count as f64 * INTERVAL_S, angle_variance })
+        let variances = rates.each_ref().map(|rate| noise(rate));
+        let angle_variance = variances.iter().sum::<f64>() / 3.0;
+        Some(Self { t, rates, length_s: count as f64 * INTERVAL_S, variances, angle_variance })
     }
 }
 
