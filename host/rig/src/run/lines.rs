@@ -79,6 +79,10 @@ pub fn measure(
             let ((forwards, supply_v), (backwards, _)) = (half(motor, 1)?, half(motor, -1)?);
             result.lines.supply_v = supply_v;
             result.turns_back[motor] = senses(motor, &forwards, &backwards)?;
+            // A motor that turns backwards winds the flagella about each other. They would stay so, and hide the swing of the next one.
+            if !result.turns_back[motor] {
+                Half { link, interrupted, motor, sense: 1 }.turn(&[DUTIES[SAFE - 1]])?;
+            }
             let [mut forwards, mut backwards] = [forwards, backwards].map(|points| {
                 points.iter().map(|&(duty, rpm)| LinePoint { duty, speed_rpm: rpm.abs() }).collect::<Vec<_>>()
             });
