@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Integer combinations of the two frequencies, one of each pair of opposite ones.
-const MIXED: [[i32; 2]; 12] =
+pub const MIXED: [[i32; 2]; 12] =
     [[1, 0], [0, 1], [2, 0], [0, 2], [1, 1], [1, -1], [3, 0], [0, 3], [2, 1], [2, -1], [1, 2], [1, -2]];
 
 /// Highest frequency searched for a motor in a trial, Hz.

@@ -17,7 +17,7 @@ pub use causes::Cause;
 
 use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
-use lines::{FASTEST_HZ, Fit, Fitter};
+use lines::{FASTEST_HZ, Fit, Fitter, MIXED};
 use motion::Motion;
 pub use motion::PIECE_S;
 pub use score::in_plane_dps;
@@ -139,6 +139,16 @@ impl Labelled<'_> {
     /// Returns whether speeds agree with the label, within its error.
     fn is_of(&self, rpm: [f64; 2]) -> bool {
         (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
+    }
+
+    /// Returns whether the line of a motor that turns otherwise is a sum or a difference of the label's lines.
+    fn mixes(&self, rpm: [f64; 2], length_s: f64) -> bool {
+        let mixed = MIXED
+            .iter()
+            .filter(|of| !of.contains(&0))
+            .map(|[a, b]| f64::from(*a) * self.rpm[0] + f64::from(*b) * self.rpm[1]);
+        let are_one = |line_rpm: f64, k: usize| (line_rpm.abs() - rpm[k].abs()).abs() / 60.0 * length_s < 1.0;
+        mixed.into_iter().any(|line_rpm| (0..2).any(|k| !self.is_near(rpm, k) && are_one(line_rpm, k)))
     }
 
     /// Returns whether speeds differ from the label's in one motor alone, whose swing the other motor hides.
@@ -385,7 +395,10 @@ impl Readings<'_> {
                 Cause::Sign(_) => is_vague,
                 _ => false,
             };
-            !(is_alike || is_blurred && cause.is_of_one() || trial.hides(rpm))
+            // Flagella that touch make lines of sums and differences.
+            let is_factor = matches!(cause, Cause::Factor { .. });
+            let is_mixed = || trial.touches && is_factor && trial.mixes(rpm, doubts.length_s);
+            !(is_alike || cause.is_of_one() && (is_blurred || is_mixed()) || trial.hides(rpm))
         });
         let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((self.at(rpm, 0)?.0, cause, rpm))).collect();
         rough.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -408,7 +421,8 @@ impl Readings<'_> {
         let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
         let is_explained =
             (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT)) && !(is_of_one && fit.hides_one());
-        let is_hard = is_of_one && doubts.are_alike || trial.touches && (is_of_one || cause.is_mixed() || !is_clear);
+        let is_hard_where_they_touch = is_of_one || cause.is_mixed() || cause == Cause::Reversed || !is_clear;
+        let is_hard = is_of_one && doubts.are_alike || trial.touches && is_hard_where_they_touch;
         let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
         let cause = with_factor(cause, trial.rpm, &fit);
         (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause, rpm))

@@ -167,6 +167,19 @@ fn a_wrong_label_is_named_and_a_right_one_is_not() {
     }
 }
 
+/// At this ratio the sum of both lines is that of a motor that turns four times as fast.
+#[test]
+fn a_line_of_flagella_that_touch_is_not_that_of_a_faster_motor() {
+    for (seed, rpm) in [(1, [-66.0, -22.0]), (2, [-66.0, -22.0]), (3, [-90.0, -30.0])] {
+        let mut robot = Robot::default();
+        let mut random = Random(100 + seed, 0);
+        robot.flagellum.phase_deg = [0, 1].map(|_| 360.0 * random.uniform());
+        let truth = Truth::of(&robot, rpm, 21.0, 21.0);
+        let label = Trace::of(&truth, Way::Recorded, seed).label(rpm, 9.0..20.0);
+        assert!(!matches!(label, Label::Wrong(_)), "{rpm:?}: {label:?}");
+    }
+}
+
 #[test]
 fn motors_that_stop_early_are_seen() {
     let truth = Truth::of(&quick(), [37.3, -23.9], 50.0, 30.0);
@@ -218,8 +231,16 @@ fn population(seed: u64, count: usize) -> Vec<Truth> {
         let tank = Robot { tank: Some(Tank::published()), ..physical.clone() };
         [physical, Robot::published(), tank, soft, quick()]
     };
-    let published =
-        [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [30.0, 60.0], [20.0, -40.0], [-40.0, -20.0], [60.0, 0.0]];
+    let published = [
+        [50.0, 10.0],
+        [-90.0, 90.0],
+        [90.0, 90.0],
+        [30.0, 60.0],
+        [20.0, -40.0],
+        [-40.0, -20.0],
+        [60.0, 0.0],
+        [-66.0, -22.0],
+    ];
     let mut random = Random(seed, 0);
     let trials: Vec<(Robot, [f64; 2])> = (0..count)
         .map(|i| {
