@@ -6,7 +6,6 @@
 //! dense inverse and the least cost of an iteration without it.
 //! Times are the processor's: other load hardly counts. `-- speed`, `-- soft` and `-- growth` select one of the three.
 
-use divan::black_box;
 use nalgebra::{DMatrix, DVector};
 use sim::V3;
 use sim::body::closure::Closure;
@@ -18,6 +17,7 @@ use sim::step::{Solver, StepControl};
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 use std::f64::consts::PI;
+use std::hint::black_box;
 use std::time::Instant;
 
 fn run(robot: &Robot, closure: Closure, rpm: [f64; 2]) -> (Summary, f64) {

@@ -168,6 +168,16 @@ fn doubtful_tables_are_grave() {
     let stood = |time_s: f64| (swinging(time_s.min(25.0)).0, swinging(time_s).1);
     let text = grave(0.05, stood, None);
     assert!(text.contains("does not change for more than 3 s from 25.0 s on"), "{text}");
+    let clipped = |time_s: f64| (swinging(time_s).0.max(-41.0), swinging(time_s).1);
+    assert_eq!(grave(0.05, clipped, None), "", "for less than a turn");
+    let (from, to) = (swinging(25.0).0, swinging(31.0).0);
+    let joined = |time_s: f64| match (25.0..31.0).contains(&time_s) {
+        true => (from + (to - from) * (time_s - 25.0) / 6.0, swinging(time_s).1),
+        false => swinging(time_s),
+    };
+    let text = grave(0.05, joined, None);
+    assert!(text.contains("the yaw is a straight line for more than 3 s from 25."), "{text}");
+    assert_eq!(grave(0.05, |time_s| (swinging(time_s).0.round(), swinging(time_s).1), None), "", "whole degrees");
 }
 
 #[test]

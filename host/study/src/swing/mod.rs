@@ -131,9 +131,14 @@ impl Labelled<'_> {
         }
     }
 
+    /// Returns the largest error of a right label in a motor's speed, rpm.
+    pub fn error_rpm(&self, k: usize) -> f64 {
+        self.off.0 * self.rpm[k].abs() + self.off.1
+    }
+
     /// Returns whether a motor's speed is within the error of a right label.
     fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
-        (rpm[k] - self.rpm[k]).abs() <= self.off.0 * self.rpm[k].abs() + self.off.1
+        (rpm[k] - self.rpm[k]).abs() <= self.error_rpm(k)
     }
 
     /// Returns whether speeds agree with the label, within its error.

@@ -1,7 +1,7 @@
 //! Findings about a trial that other instruments measured: about its table, its motors, its rest.
 
 use super::{Rule, Section};
-use crate::attitude::{LARGEST_TILT_DEG, Reading, Track, euler_deg, rotation, tilt_deg, wrapped};
+use crate::attitude::{Columns, LARGEST_TILT_DEG, Reading, Track, Unwrap, euler_deg, rotation, tilt_deg, wrapped};
 use crate::text::count;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Conduct;
@@ -27,10 +27,12 @@ const JUMP_DPS: f64 = 300.0;
 /// The first limit for flagella that mesh, degrees: they snap, and turn the robot by some 15 degrees between two rows.
 const SNAP_DEG: f64 = 30.0;
 
-/// A change is not a motion either if it differs from the mean of the changes before and after it by more than both this angle,
-/// degrees, and this multiple of the first decile of all such differences. Normal noise of three components hardly ever does.
+/// A change is not a motion either if it differs from the mean of the changes before and after it by more than this angle,
+/// degrees, by more than this multiple of the first decile of all such differences about the axis with the most noise, which normal
+/// noise hardly ever does, and by more than this multiple of the table's smallest change, which rounding does not.
 const ODD_DEG: f64 = 2.5;
-const ODD_NOISES: f64 = 8.0;
+const ODD_NOISES: f64 = 48.0;
+const ODD_STEPS: f64 = 3.5;
 
 /// Number and duration, s, of rows with the same attitude in a run above which they are not a measurement.
 const STOOD_ROWS: usize = 10;
@@ -55,7 +57,7 @@ const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
 pub(super) const SECTION: Section = Section { is_judged: |data| data.records.import.is_some(), rules: &RULES };
 
-static RULES: [Rule; 10] = [
+static RULES: [Rule; 11] = [
     Rule::warning(Conduct, "import one run at constant speeds: name it with --run", |data, zeroed| {
         other_speed(data, &zeroed.steady.as_ref()?.window)
     }),
@@ -63,6 +65,7 @@ static RULES: [Rule; 10] = [
     Rule::warning(Conduct, "let the run begin where the motors start", |data, _| turned_before(data)),
     Rule::each(Conduct, None, |data| Vec::from_iter(lost(data))),
     Rule::warning(Conduct, LEAVE_EMPTY, |data, _| zeros(data)),
+    Rule::warning(Conduct, LEAVE_EMPTY, |data, _| straight(data)),
     Rule::note(
         Conduct,
         "give the angles in a frame whose z axis is vertical, or state a larger --uncertainty",
@@ -175,18 +178,28 @@ fn lost(data: &Data) -> Option<String> {
     let (run, readings) = (&data.times.run, &data.readings);
     let is_apart = data.robot().is_ok_and(|robot| !robot.flagellum.mesh(data.speeds().map(CentiRpm::rpm)));
     let (odd_deg, jump_deg) = if is_apart { (odd(readings), JUMP_DEG) } else { (Vec::new(), SNAP_DEG) };
-    let is_in_run = |(row, _): &(&(f64, Reading), &f64)| run.contains(&row.0);
-    let mut sorted: Vec<f64> = readings.iter().skip(2).zip(&odd_deg).filter(is_in_run).map(|(_, deg)| *deg).collect();
-    sorted.sort_by(f64::total_cmp);
-    let most_deg = sorted.get(sorted.len() / 10).map_or(f64::INFINITY, |noise| ODD_DEG.max(ODD_NOISES * noise));
+    let is_in_run = |(row, _): &(&(f64, Reading), &Vector3<f64>)| run.contains(&row.0);
+    let decile = |axis: usize| {
+        let rows = readings.iter().skip(2).zip(&odd_deg).filter(is_in_run);
+        let mut sorted: Vec<f64> = rows.map(|(_, deg)| deg[axis].abs()).collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 10).map_or(f64::INFINITY, |noise| ODD_NOISES * noise)
+    };
+    let turned_deg = |pair: &[(f64, Reading)]| {
+        rotation_between(&rotation(pair[0].1.attitude), &rotation(pair[1].1.attitude)).norm().to_degrees()
+    };
+    let steps = readings.windows(2).map(turned_deg).filter(|deg| *deg > 1e-6);
+    let rounding_deg = ODD_STEPS * steps.fold(f64::INFINITY, f64::min);
+    let most_deg = [0, 1, 2].map(decile).into_iter().fold(ODD_DEG.max(rounding_deg), f64::max);
     let mut stood_from = 0;
     for (i, pair) in (1_usize..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));
-        let angle_deg = rotation_between(&rotation(before), &rotation(now)).norm().to_degrees();
-        let is_odd = i.checked_sub(2).and_then(|at| odd_deg.get(at)).is_some_and(|deg| *deg > most_deg);
-        if is_odd || angle_deg > jump_deg && angle_deg / (now_s - before_s) > JUMP_DPS {
+        let angle_deg = turned_deg(pair);
+        let odd_deg = i.checked_sub(2).and_then(|at| odd_deg.get(at)).map_or(0.0, Vector3::norm);
+        if odd_deg > most_deg || angle_deg > jump_deg && angle_deg / (now_s - before_s) > JUMP_DPS {
+            let by_deg = angle_deg.max(odd_deg);
             return Some(format!(
-                "the attitude jumps by {angle_deg:.0}° at {now_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
+                "the attitude jumps by {by_deg:.0}° at {now_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
                  units of the angles"
             ));
         }
@@ -203,9 +216,39 @@ fn lost(data: &Data) -> Option<String> {
     None
 }
 
+/// Describes an angle that is a straight line in a part of the run, to the table's rounding: it was interpolated or clipped.
+fn straight(data: &Data) -> Option<String> {
+    let [w1, w2] = data.speeds().map(|speed| speed.rpm().abs());
+    // Equal motors may leave the robot upright.
+    if w1 == w2 {
+        return None;
+    }
+    let (mut angles, mut unwrap) = (Columns::<3>::default(), Unwrap::default());
+    for (time_s, reading) in data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s)) {
+        angles.push(*time_s, unwrap.angles_deg(&rotation(reading.attitude)));
+    }
+    let time_s = &angles.time_s;
+    angles.values.iter().zip(["yaw", "pitch", "roll"]).find_map(|(values, angle)| {
+        let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 1e-9);
+        let step_deg = changes.fold(f64::INFINITY, f64::min);
+        // The largest distance from the line through both ends of a part.
+        let bend_deg = |from: usize| {
+            let to = time_s.partition_point(|later_s| *later_s <= time_s[from] + STOOD_S);
+            let rate = (values.get(to)? - values[from]) / (time_s[to] - time_s[from]);
+            let off = |i: usize| (values[i] - values[from] - rate * (time_s[i] - time_s[from])).abs();
+            (to - from >= STOOD_ROWS).then(|| (from..to).map(off).fold(0.0, f64::max))
+        };
+        let bends_deg: Vec<f64> = (0..values.len()).step_by(STOOD_ROWS).map_while(bend_deg).collect();
+        let is_rounded = bends_deg.iter().all(|bend| *bend < 100.0 * step_deg);
+        let straight = bends_deg.iter().position(|bend| *bend < 2.0 * step_deg).filter(|_| !is_rounded)?;
+        let from_s = time_s[straight * STOOD_ROWS];
+        Some(format!("the {angle} is a straight line for more than {STOOD_S} s from {from_s:.1} s on, as if interpolated or clipped"))
+    })
+}
+
 /// Returns the difference of each change between two rows, from the second change on, from the mean of the changes before and
-/// after it, degrees; 0 beside a gap.
-fn odd(readings: &[(f64, Reading)]) -> Vec<f64> {
+/// after it, about the body's axes, degrees; 0 beside a gap.
+fn odd(readings: &[(f64, Reading)]) -> Vec<Vector3<f64>> {
     let change = |pair: &[(f64, Reading)]| {
         let [one, other] = [0, 1].map(|k| rotation(pair[k].1.attitude));
         (pair[1].0 - pair[0].0, rotation_between(&one, &other))
@@ -215,7 +258,7 @@ fn odd(readings: &[(f64, Reading)]) -> Vec<f64> {
         let [(before_s, before), (now_s, now), (after_s, after)] = [three[0], three[1], three[2]];
         let is_gap = now_s.max(before_s).max(after_s) > GAP * now_s.min(before_s).min(after_s);
         let expected = (before / before_s + after / after_s) * (0.5 * now_s);
-        if is_gap { 0.0 } else { (now - expected).norm().to_degrees() }
+        if is_gap { Vector3::zeros() } else { (now - expected).map(f64::to_degrees) }
     };
     changes.windows(3).map(odd).collect()
 }

@@ -29,10 +29,11 @@ const OFF_OF_BLIND: (f64, f64) = (0.25, 2.0);
 
 pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
 
-static RULES: [Rule; 4] = [
+static RULES: [Rule; 5] = [
     Rule::warning(Swing, "record speeds that differ more, or a longer run", without_speeds),
     Rule::note(Swing, "measure the lines of the motors again with `biflag doctor --motors`", off_the_line),
     Rule::note(Upright, frame::AXES, turns_with_its_motors),
+    Rule::note(Swing, "check the speeds, and use angles that no filter has smoothed", told_otherwise),
     Rule::law(
         Swing,
         "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit and frame of the angles",
@@ -235,6 +236,19 @@ fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
             "by the swing the motors turned at {} and {} rpm, where {w1} and {w2} were commanded",
             decimal(told[0], 1),
             decimal(told[1], 1)
+        )
+    })
+}
+
+/// Describes speeds that the swing tells by itself and that differ from the label's, though no cause explains it better.
+fn told_otherwise(data: &Data, zeroed: &Zeroed) -> Option<String> {
+    let own = labelled(data, zeroed).ok().filter(|_| !data.is_blind())?;
+    let told = own.told_rpm.filter(|told| (0..2).any(|k| (told[k] - own.rpm[k]).abs() > 2.0 * own.error_rpm(k)))?;
+    (judged(data, zeroed) == Ok(Label::Right)).then(|| {
+        let [told, rpm] = [told, own.rpm].map(|rpm| rpm.map(|speed| decimal(speed, 1)));
+        format!(
+            "by the swing alone the motors turned at {} and {} rpm, and not at {} and {}",
+            told[0], told[1], rpm[0], rpm[1]
         )
     })
 }
