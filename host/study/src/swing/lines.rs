@@ -133,20 +133,21 @@ impl<'a> Fitter<'a> {
 
     /// Returns the root mean square of the swing: in the plane, and about z, °/s.
     pub fn swing_dps(&self) -> [f64; 2] {
-        let count = self.motion.t.len() as f64;
-        let [x, y, z] = self.square.map(|square| (square - self.noise).max(0.0) / count);
-        [(x + y).sqrt(), z.sqrt()]
+        self.swing_beside([self.noise; 3])
     }
 
     /// Returns the largest root mean square that the swing may have if the angles have unequal noise: in the plane, and about
     /// z, °/s.
     pub fn largest_swing_dps(&self) -> [f64; 2] {
+        let Motion { variances, angle_variance, .. } = self.motion;
+        self.swing_beside(variances.map(|variance| self.noise * (variance / angle_variance).min(1.0)))
+    }
+
+    /// Returns the root mean square of the swing beside these sums of squares of the noise about each axis.
+    fn swing_beside(&self, noise: [f64; 3]) -> [f64; 2] {
         let count = self.motion.t.len() as f64;
-        let of_axis = |axis: usize| {
-            let noise = self.noise * (self.motion.variances[axis] / self.motion.angle_variance).min(1.0);
-            (self.square[axis] - noise).max(0.0) / count
-        };
-        [(of_axis(0) + of_axis(1)).sqrt(), of_axis(2).sqrt()]
+        let [x, y, z] = [0, 1, 2].map(|axis| (self.square[axis] - noise[axis]).max(0.0) / count);
+        [(x + y).sqrt(), z.sqrt()]
     }
 
     /// Returns the length of the motion, s.

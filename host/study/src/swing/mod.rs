@@ -148,12 +148,12 @@ impl Labelled<'_> {
 
     /// Returns whether the line of a motor that turns otherwise is a sum or a difference of the label's lines.
     fn mixes(&self, rpm: [f64; 2], length_s: f64) -> bool {
-        let mixed = MIXED
+        let mut mixed = MIXED
             .iter()
             .filter(|of| !of.contains(&0))
             .map(|[a, b]| f64::from(*a) * self.rpm[0] + f64::from(*b) * self.rpm[1]);
         let are_one = |line_rpm: f64, k: usize| (line_rpm.abs() - rpm[k].abs()).abs() / 60.0 * length_s < 1.0;
-        mixed.into_iter().any(|line_rpm| (0..2).any(|k| !self.is_near(rpm, k) && are_one(line_rpm, k)))
+        mixed.any(|line_rpm| (0..2).any(|k| !self.is_near(rpm, k) && are_one(line_rpm, k)))
     }
 
     /// Returns whether speeds differ from the label's in one motor alone, whose swing the other motor hides.
