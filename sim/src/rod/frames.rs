@@ -97,11 +97,21 @@ impl Frames {
 
     /// Computes everything at the shape `nodes` (length n) with the edge angles `angles` (length n - 1).
     pub fn update(&mut self, reference: &ReferenceFrames, nodes: &[V3], angles: &[f64]) {
-        self.shape.copy_from(nodes);
-        self.angles[..angles.len()].copy_from_slice(angles);
+        self.start_from(reference);
+        self.update_at(nodes, angles);
+    }
+
+    /// Sets the reference frames of the shapes to come.
+    pub fn start_from(&mut self, reference: &ReferenceFrames) {
         self.before[0].copy_from(&reference.tangent);
         self.before[1].copy_from(&reference.director);
-        self.twist_before[..nodes.len()].copy_from_slice(&reference.twist);
+        self.twist_before[..reference.twist.len()].copy_from_slice(&reference.twist);
+    }
+
+    /// Computes everything at another shape, with the reference frames of before.
+    pub fn update_at(&mut self, nodes: &[V3], angles: &[f64]) {
+        self.shape.copy_from(nodes);
+        self.angles[..angles.len()].copy_from_slice(angles);
         dispatch(Update(self));
         self.binormal.set(self.edges, V3::zeros());
         self.reference_twist[self.edges] = 0.0;

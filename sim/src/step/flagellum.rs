@@ -94,16 +94,17 @@ impl Flagellum {
         }
     }
 
-    /// Recomputes the near band at the trial shape.
-    pub fn assemble_near(&mut self) {
+    /// Prepares the first sweep at the predicted shape: the reference frames of the step's start, and the near band.
+    pub fn begin(&mut self, start: &RodState) {
+        self.frames.start_from(&start.frames);
         self.near.assemble(&self.shape.nodes, self.epsilon, self.viscosity);
     }
 
     /// Updates frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
     /// in the shaft frame, N/m.
-    pub fn update_forces(&mut self, rod: &Rod, state: &RodState, weight: V3) {
+    pub fn update_forces(&mut self, rod: &Rod, weight: V3) {
         let shape = &self.shape;
-        self.frames.update(&state.frames, &shape.nodes, &shape.angles);
+        self.frames.update_at(&shape.nodes, &shape.angles);
         rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
         self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
         for i in CLAMPED..rod.nodes() {
@@ -221,12 +222,10 @@ impl Flagellum {
     /// Moves the trial shape by the rod's response to a change of the base's velocity (m/s) and angular velocity (rad/s) at
     /// the shaft's foot, shaft axes.
     pub fn follow_base(&mut self, preconditioner: &Preconditioner, velocity: V3, rotation: V3) {
-        self.product.fill(0.0);
-        let motion = [velocity.x, velocity.y, velocity.z, rotation.x, rotation.y, rotation.z];
-        for (rate, column) in motion.into_iter().zip(&preconditioner.response.unknowns) {
-            for (slot, value) in self.product.iter_mut().zip(column) {
-                *slot += rate as f32 * value;
-            }
+        let motion = [velocity.x, velocity.y, velocity.z, rotation.x, rotation.y, rotation.z].map(|rate| rate as f32);
+        let columns = preconditioner.response.unknowns.each_ref().map(|column| &column[..self.correction.len()]);
+        for (i, slot) in self.product[..self.correction.len()].iter_mut().enumerate() {
+            *slot = motion.iter().zip(columns).fold(0.0, |sum, (rate, column)| sum + rate * column[i]);
         }
         from_reference(&preconditioner.frames, &self.frames, 1.0, &self.product, &mut self.correction);
         self.apply_correction();

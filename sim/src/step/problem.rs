@@ -45,7 +45,7 @@ impl StepProblem<'_> {
     pub fn update_forces(&self, flagellum: &mut Flagellum, k: usize, body: &Body) {
         let down = self.step.shafts[k].to_shaft(self.model.down(body));
         let weight = down * self.model.robot.net_weight();
-        flagellum.update_forces(&self.model.rods[k], &self.state.rods[k], weight);
+        flagellum.update_forces(&self.model.rods[k], weight);
     }
 
     /// Returns the moment of both flagella on the base about the joint, body axes, N m. Contact between them cancels.

@@ -117,8 +117,8 @@ impl Sweeps {
 
     /// Prepares the first sweep at the predicted shapes.
     fn begin(&mut self, problem: &StepProblem, body: &mut BodySolve) {
-        for flagellum in &mut self.flagella {
-            flagellum.assemble_near();
+        for (flagellum, start) in self.flagella.iter_mut().zip(&problem.state.rods) {
+            flagellum.begin(start);
         }
         self.contacts.begin(problem, &mut self.flagella);
         self.update_forces(problem, body);
