@@ -1,6 +1,7 @@
 //! Writes tables as CSV: header lines that begin with `#`, then the names of the columns, then the rows.
 
 use super::table::{Table, Values};
+use std::fmt::Write as _;
 use std::io::{Result, Write};
 
 pub(super) fn write(table: &Table, target: impl Write) -> Result<()> {
@@ -31,8 +32,13 @@ impl<W: Write> Writer<W> {
 
     /// Writes rows of the same columns.
     pub fn rows(&mut self, table: &Table) -> Result<()> {
+        let mut text = String::new();
         for row in 0..table.rows() {
-            self.rows.write_record(table.columns.iter().map(|column| cell(&column.values, row)))?;
+            for column in &table.columns {
+                text.clear();
+                self.rows.write_field(cell(&column.values, row, &mut text))?;
+            }
+            self.rows.write_record(None::<&[u8]>)?;
         }
         Ok(())
     }
@@ -43,13 +49,16 @@ impl<W: Write> Writer<W> {
     }
 }
 
-fn cell(values: &Values, row: usize) -> String {
-    match values {
-        Values::Real(values) | Values::Exact(values) if values[row].is_nan() => String::new(),
+/// Returns a value as text, which is written to `text` if it is a number.
+fn cell<'a>(values: &'a Values, row: usize, text: &'a mut String) -> &'a str {
+    // Writing to a text cannot fail.
+    let _ = match values {
+        Values::Real(values) | Values::Exact(values) if values[row].is_nan() => Ok(()),
         // Nine decimals exceed the resolution of every sensor and avoid the noise of binary fractions.
-        Values::Real(values) => ((values[row] * 1e9).round() / 1e9).to_string(),
-        Values::Exact(values) => values[row].to_string(),
-        Values::Int(values) => values[row].to_string(),
-        Values::Text(values) => values[row].clone(),
-    }
+        Values::Real(values) => write!(text, "{}", (values[row] * 1e9).round() / 1e9),
+        Values::Exact(values) => write!(text, "{}", values[row]),
+        Values::Int(values) => write!(text, "{}", values[row]),
+        Values::Text(values) => return &values[row],
+    };
+    text
 }

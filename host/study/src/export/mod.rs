@@ -7,10 +7,11 @@ pub mod table;
 pub mod trial;
 
 use crate::output::{self, OutputError};
-use crate::session::{Attempt, Session, SessionError};
+use crate::session::{Attempt, Session, SessionError, TrialState};
 use crate::trial::{Judged, LogFinding, Want, Zeroed};
 use biflag_log::LogError;
 use miette::Diagnostic;
+use rayon::prelude::*;
 use session::Summary;
 use sim::body::attitude::of_euler_zyx;
 use std::fs::File;
@@ -100,6 +101,16 @@ pub struct Exported {
     pub findings: Vec<LogFinding>,
 }
 
+impl Exported {
+    fn add(&mut self, other: Self) {
+        self.files.extend(other.files);
+        self.trials.extend(other.trials);
+        self.rows += other.rows;
+        self.damaged.extend(other.damaged);
+        self.findings.extend(other.findings);
+    }
+}
+
 const ALL: Want = Want { forces: true, frames: true, shapes: 0, hash: true };
 
 /// Exports a log to a file.
@@ -138,30 +149,15 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     if let Some(path) = [&table, &budget].into_iter().find(|path| !replace && path.exists()) {
         return Err(ExportError::Exists { path: path.clone() });
     }
-    let mut exported = Exported::default();
-    let mut trials = Vec::new();
     let states = session.intact_states()?;
-    exported.findings.extend(session.missing(&states));
-    for state in states {
-        exported.findings.extend(state.left_out.iter().cloned());
-        let Some(attempt) = state.best() else { continue };
-        let trial = match attempt.read(ALL) {
-            Ok(trial) => trial,
-            Err(error) => {
-                exported.damaged.push(error.to_string());
-                continue;
-            }
-        };
-        if !trial.data.condition.is_whole() {
-            exported.damaged.push(attempt.path.display().to_string());
-        }
-        let name = format!("{}.{}", state.trial.name, format.extension());
-        let file = output.join(&name);
-        exported.rows += write_trial(&trial, &file, format, replace)?;
-        exported.files.push(file);
-        exported.trials.push((state.trial.name.clone(), trial.data.origin().name()));
-        exported.findings.extend(trial.log_findings());
-        trials.push(Summary::new(&state.trial, trial, name));
+    let mut exported = Exported { findings: Vec::from_iter(session.missing(&states)), ..Exported::default() };
+    let one = |state| export_trial(state, output, format, replace);
+    let parts: Vec<Result<_, ExportError>> = states.par_iter().map(one).collect();
+    let mut trials = Vec::new();
+    for part in parts {
+        let (part, summary) = part?;
+        exported.add(part);
+        trials.extend(summary);
     }
     let name = &session.plan().name;
     for (file, table) in [(table, session::table(name, &trials)), (budget, session::budget(name, &trials))] {
@@ -169,6 +165,34 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         exported.files.push(file);
     }
     Ok(exported)
+}
+
+/// Exports a trial of a session into a folder. Returns what was written, and its row of the table of trials.
+fn export_trial(
+    state: &TrialState,
+    folder: &Path,
+    format: Format,
+    replace: bool,
+) -> Result<(Exported, Option<Summary>), ExportError> {
+    let mut exported = Exported { findings: state.left_out.clone(), ..Exported::default() };
+    let Some(attempt) = state.best() else { return Ok((exported, None)) };
+    let trial = match attempt.read(ALL) {
+        Ok(trial) => trial,
+        Err(error) => {
+            exported.damaged.push(error.to_string());
+            return Ok((exported, None));
+        }
+    };
+    if !trial.data.condition.is_whole() {
+        exported.damaged.push(attempt.path.display().to_string());
+    }
+    let name = format!("{}.{}", state.trial.name, format.extension());
+    let file = folder.join(&name);
+    exported.rows = write_trial(&trial, &file, format, replace)?;
+    exported.files.push(file);
+    exported.trials.push((state.trial.name.clone(), trial.data.origin().name()));
+    exported.findings.extend(trial.log_findings());
+    Ok((exported, Some(Summary::new(&state.trial, trial, name))))
 }
 
 /// Writes a trial and returns the number of rows.

@@ -56,7 +56,7 @@ pub fn table(trial: &Judged) -> Table {
         columns.push(rows.real(name, about, |row| row.board_deg[k]));
     }
     for (k, (name, about)) in MOTORS.into_iter().enumerate() {
-        let motor = |row: &Row| index_at(&data.motors.time_s, row.frame_s).map(|i| data.motors.values[k][i]);
+        let motor = |row: &Row| row.motors.map(|i| data.motors.values[k][i]);
         columns.push(rows.real(name, about, motor));
     }
     if data.is_recorded() {
@@ -88,6 +88,8 @@ struct Row {
     time_s: f64,
     /// Time of the frame.
     frame_s: f64,
+    /// Index of the motors' state at this time.
+    motors: Option<usize>,
     /// Angles relative to the zero; `None` before the gyroscope was calibrated.
     angles_deg: Option<[f64; 3]>,
     board_deg: [f64; 3],
@@ -108,6 +110,7 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
             reading: i,
             time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
             frame_s: *frame_s,
+            motors: index_at(&data.motors.time_s, *frame_s),
             angles_deg: at.map(|at| zeroed.angles_deg.row(at)),
             board_deg: euler_deg(&rotation(reading.attitude)),
             temperature_c: reading.temperature_c,
