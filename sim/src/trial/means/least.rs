@@ -19,6 +19,10 @@ struct Errors {
 const FREE: Errors = Errors { angle: 0.045 * PI / 180.0, force: 1e-3 };
 const TOUCHING: Errors = Errors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
 
+/// Time over which errors in contact average out, s. In a shorter period that repeats, steps and contacts fall at the same few
+/// angles again and again, and the error of its angles grows with the root of the ratio.
+const AVERAGING_S: f64 = 6.0;
+
 /// The motion of flagella that mesh varies over minutes, and changes from one pattern to another. A stretch of this length
 /// (s) cannot show this variation and gets these standard errors for it; they fall as the stretch grows, in inverse
 /// proportion.
@@ -28,7 +32,8 @@ const MESHING: Errors = Errors { angle: 0.2 * PI / 180.0, force: 0.02 };
 impl Steady {
     /// Raises the known standard errors to at least those of the solver.
     pub(crate) fn raise_errors(&mut self, touches: bool) {
-        let least = if touches { TOUCHING } else { FREE };
+        let share = (AVERAGING_S / self.window_s).max(1.0).sqrt();
+        let least = if touches { Errors { angle: TOUCHING.angle * share, ..TOUCHING } } else { FREE };
         self.change_errors(&least, f64::max);
     }
 
