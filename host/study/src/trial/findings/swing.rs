@@ -162,8 +162,9 @@ const NEAR_DEG: f64 = 35.0;
 /// Describes an error of an import's angles that the directions or the sizes of its swing show, compared with its robot's model.
 fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
+    let is_settled = zeroed.steady.as_ref()?.settled;
     let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
-        Some((turned_deg(model, own), leans(data, model, own), scaled(model, own)))
+        Some((turned_deg(model, own), leans(data, model, own).filter(|_| is_settled), scaled(model, own)))
     })?;
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
     let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG / 2.0);
