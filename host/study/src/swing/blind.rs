@@ -203,11 +203,8 @@ pub(super) fn speeds(
         longer.iter().try_fold(first, |(fitter, fit), part| followed(fitter.longer(part, &found), fit.hz, reach))
     };
     let (fitter, fit) = grown(of_part.hz).ok_or(TOUCH)?;
-    if fit.left.iter().any(|left| *left > MOST_LEFT) {
-        return Err(TOUCH);
-    }
     let uncertainty = uncertainty_rpm(&fitter, &fit, motion.length_s);
-    if uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
+    if fit.left.iter().any(|left| *left > MOST_LEFT) || uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
         return Err(TOUCH);
     }
     let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);

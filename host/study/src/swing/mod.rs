@@ -17,7 +17,7 @@ pub use causes::Cause;
 
 use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
-use lines::{FASTEST_HZ, Fit, Fitter, MIXED};
+use lines::{Complex, FASTEST_HZ, Fit, Fitter, MIXED, angle_deg, size};
 use motion::Motion;
 pub use motion::PIECE_S;
 pub use score::in_plane_dps;
@@ -62,6 +62,9 @@ const NEAR_LEFT: f64 = 0.15;
 
 /// Largest difference of two motors' estimates of the turn of a frame that agree, degrees.
 const AGREED_DEG: f64 = 30.0;
+
+/// Least mean tilt whose direction is judged, degrees: phases of the flagella tilt a robot by two.
+const LEAN_DEG: f64 = 3.0;
 
 /// Number of beats of both motors that a mean swing needs.
 const BEATS: f64 = 2.0;
@@ -324,6 +327,16 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
         [Some(a), None] | [None, Some(a)] => Some(a),
         [None, None] => None,
     }
+}
+
+/// Returns the angle by which the mean tilt is turned about the vertical between two motions of one robot, degrees; `None` if one
+/// hardly tilts.
+pub fn leans_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
+    let lean = |trial: &Labelled| {
+        let [_, pitch, roll] = trial.angles_deg.tracks().map(|track| track.mean(trial.settled_s.clone()));
+        Some(Complex::new(pitch?, roll?)).filter(|lean| size(*lean) > LEAN_DEG)
+    };
+    Some(angle_deg(lean(other)?, lean(one)?))
 }
 
 /// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it

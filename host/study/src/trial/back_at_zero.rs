@@ -20,6 +20,9 @@ const LAST_S: f64 = 1.0;
 /// Largest time constant of the return, relative to the robot file's.
 const SLOWER: f64 = 2.0;
 
+/// Largest part of an angle that may be left at the end if its change is to tell what is left.
+const SEEN: f64 = 0.75;
+
 /// Assumed largest distance from the zero at rest, due to joint and tether, degrees.
 const ALLOWED_DEG: f64 = 5.0;
 
@@ -69,7 +72,10 @@ fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64
     let end_deg = yaw.mean(after.end - LAST_S..after.end)?;
     let left = exp(-(after.end - sprung_s) / (SLOWER * time_constant_s));
     let first = yaw.time_s.iter().zip(yaw.value).filter(|(time, _)| (after.start..sprung_s).contains(*time));
-    let bounds = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(left * deg), high.max(left * deg)]);
+    // What is left is bounded by the change as well, which a zero that has moved does not increase.
+    let change = |deg: f64| if left < SEEN { (deg - end_deg) * left / (1.0 - left) } else { left * deg };
+    let most = |deg: f64| (left * deg).clamp(change(deg).min(0.0), change(deg).max(0.0));
+    let bounds = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(most(*deg)), high.max(most(*deg))]);
     let nearest_deg = end_deg.clamp(bounds[0] - allowed_deg, bounds[1] + allowed_deg);
     (end_deg != nearest_deg).then_some([end_deg, nearest_deg])
 }
@@ -98,7 +104,9 @@ mod tests {
         }
         // Too short to judge.
         assert_eq!(after(-67.0, 10.8, 90.0, 4.5), None);
-        for (run_deg, rest_deg, nearest_deg) in [(7.0, 19.0, 10.2), (-67.0, 20.0, 7.0), (-30.0, -60.0, -18.8)] {
+        for (run_deg, rest_deg, nearest_deg) in
+            [(7.0, 19.0, 7.0), (-67.0, 20.0, 7.0), (-30.0, -60.0, -7.0), (20.0, 12.0, 10.2)]
+        {
             let [end_deg, nearest] = after(run_deg, 10.8, rest_deg, 30.0).unwrap();
             assert!((nearest - nearest_deg).abs() < 0.1 && (end_deg - rest_deg).abs() < 6.0, "{end_deg} {nearest}");
         }

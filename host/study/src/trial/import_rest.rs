@@ -1,7 +1,8 @@
 //! Checks whether the robot of an imported trial was still before its run.
 
 use crate::attitude::{Motion, Track};
-use sim::functions::{hypot, powi};
+use crate::statistics::Line;
+use sim::functions::hypot;
 use std::ops::Range;
 
 /// Time before the run in which the robot must be still, and the shortest rest that can be judged, s.
@@ -22,15 +23,11 @@ pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Motion> {
 /// Returns the smallest rate of change compatible with the readings: their slope minus four standard errors. Noise alone hardly
 /// ever makes it positive.
 fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
-    let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
     let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));
-    let middle = 0.5 * (over.start + over.end);
-    let (count, residuals, along) = inside.fold((0.0, 0.0, 0.0), |(count, residuals, along), (time, value)| {
-        let from_middle = time - middle;
-        (count + 1.0, residuals + powi(value - mean - slope * from_middle, 2), along + powi(from_middle, 2))
-    });
-    let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
-    (slope.abs() - 4.0 * variance.sqrt()).max(0.0)
+    let line = Line::through(inside.clone().map(|(time, value)| (*time, *value)));
+    let variance = line.squares / (inside.count() as f64 - 2.0) / line.spread;
+    // Of fewer than three readings it is not a number, and then neither is the difference: `max` returns 0.
+    (line.slope.abs() - 4.0 * variance.sqrt()).max(0.0)
 }
 
 #[cfg(test)]

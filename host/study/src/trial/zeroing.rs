@@ -162,8 +162,7 @@ impl Zeroed {
         let not_back = |_| {
             let constants = time_constants(data);
             let angles = [0, 1, 2].map(|k| {
-                let stated_deg =
-                    stated.and_then(|stated| stated.budget(k)).map_or(0.0, |budget| budget.uncertainty_deg());
+                let stated_deg = stated.and_then(|of| of.budget(k)).map_or(0.0, |budget| budget.uncertainty_deg());
                 let constant_s = constants.map_or(f64::INFINITY, |of| if k == 0 { of.yaw_s } else { of.tilt_s });
                 (["yaw", "pitch", "roll"][k], angles_deg.track(k), stated_deg, constant_s)
             });
@@ -233,12 +232,6 @@ fn gap_at(readings: &[(f64, Reading)], time_s: f64) -> Option<Range<f64>> {
 pub(super) fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternion<f64>> {
     let mut inside = readings.iter().filter(|(time, _)| range.contains(time)).map(|(_, r)| rotation(r.attitude));
     let first = inside.next()?;
-    let sum =
-        inside.fold(
-            *first.quaternion(),
-            |sum, q| {
-                if q.dot(&first) < 0.0 { sum - q.into_inner() } else { sum + q.into_inner() }
-            },
-        );
-    Some(UnitQuaternion::from_quaternion(sum))
+    let signed = |q: UnitQuaternion<f64>| if q.dot(&first) < 0.0 { -q.into_inner() } else { q.into_inner() };
+    Some(UnitQuaternion::from_quaternion(inside.fold(*first.quaternion(), |sum, q| sum + signed(q))))
 }

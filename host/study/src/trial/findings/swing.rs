@@ -4,7 +4,7 @@
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, wrapped};
 use crate::swing::{
-    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, other_sides, scaled, turned_deg,
+    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, leans_deg, other_sides, scaled, turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
@@ -47,6 +47,7 @@ const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
 const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
 const QUARTER_TURN: &str = "the frame of the angles is turned by a quarter about the vertical";
 const OTHER_ORDER: &str = "the angles are turns in another order";
+const OTHER_ZERO: &str = "a mark has slipped, so that pitch and roll have another zero";
 const OPPOSITE_TURN: &str = "the quaternion or the matrix turns the world's axes into the body's";
 
 /// Returns the mistakes in the frame that look like this mistake of the speeds. `has_other_sense`: whether the sign of the yaw
@@ -112,7 +113,7 @@ fn by_model<T>(
     if data.records.import.is_none() || own.touches {
         return None;
     }
-    let angles_deg = zeroed.steady.as_ref()?.modelled.get_or_init(|| modelled(data.robot().ok()?, own.rpm));
+    let angles_deg = zeroed.steady.as_ref()?.modelled.get_or_init(|| modelled(data.robot().ok()?, own.rpm, 1.0));
     ask(&Labelled { angles_deg: angles_deg.as_ref()?, settled_s: MODELLED_S, ..own.clone() }, own)
 }
 
@@ -161,34 +162,58 @@ const NEAR_DEG: f64 = 35.0;
 /// Describes an error of an import's angles that the directions or the sizes of its swing show, compared with its robot's model.
 fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
-    let (turned_deg, scaled) =
-        by_model(data, zeroed, &own, |model, own| Some((turned_deg(model, own), scaled(model, own))))?;
-    if let Some(deg) = turned_deg.filter(|deg| deg.abs() > TURNED_DEG) {
+    let is_settled = zeroed.steady.as_ref()?.settled;
+    let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
+        Some((turned_deg(model, own), leans(data, model, own).filter(|_| is_settled), scaled(model, own)))
+    })?;
+    // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
+    let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG / 2.0);
+    let turned =
+        [("swings in directions that are", turned_deg, 0.0), ("leans in a direction that is", leans_deg, 180.0)];
+    let is_turned = |(_, deg, _): &(&str, Option<f64>, f64)| deg.is_some_and(|deg| deg.abs() > TURNED_DEG);
+    if let Some((how, Some(deg), off_deg)) = turned.into_iter().find(is_turned) {
         let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
         let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
+        let is_turn = |angle_deg: f64| !is_upright && is_near(angle_deg);
+        let swapped = Cause::Swapped.to_string();
         let frames = [
-            (QUARTER_TURN, is_near(90.0) || is_near(-90.0)),
-            (OTHER_ORDER, is_near(-yaw_deg)),
-            (OPPOSITE_TURN, is_near(yaw_deg)),
+            (QUARTER_TURN, is_turn(90.0) || is_turn(-90.0)),
+            (HALF_TURN, is_turn(180.0)),
+            (&swapped, is_turn(180.0)),
+            (OTHER_ORDER, is_turn(-yaw_deg)),
+            (OPPOSITE_TURN, is_near(yaw_deg + off_deg)),
+            (OTHER_ZERO, is_upright),
         ];
         let causes: Vec<&str> = frames.into_iter().filter(|(_, is_likely)| *is_likely).map(|(name, _)| name).collect();
-        return Some(format!(
-            "the robot swings in directions that are turned by {deg:.0} degrees from its model's{}",
-            frame::as_if(&causes)
-        ));
+        return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
     }
     // A turn of the frame changes the shares of pitch and roll, but not the yaw's.
-    let (angle, factor) =
-        scaled.filter(|(angle, _)| turned_deg.map_or(*angle == 0, |deg| deg.abs() < TURNED_DEG / 2.0))?;
+    let (angle, factor) = scaled.filter(|(angle, _)| *angle == 0 && turned_deg.is_none() || is_upright)?;
     let angle = ["yaw", "pitch", "roll"][angle];
     Some(format!(
         "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale"
     ))
 }
 
-/// Returns the motion of a robot's model.
-fn modelled(mut robot: Robot, rpm: [f64; 2]) -> Option<Columns<3>> {
+/// Stiffnesses of ordinary robots, relative to their file.
+const STIFFER: [f64; 2] = [0.6, 1.67];
+
+/// Returns the angle by which an import leans in another direction than its robot's model; `None` if the direction depends on how
+/// stiff the robot is.
+fn leans(data: &Data, model: &Labelled, own: &Labelled) -> Option<f64> {
+    let deg = leans_deg(model, own)?;
+    let is_same = |stiffer: f64| {
+        let angles_deg = modelled(data.robot().ok()?, own.rpm, stiffer)?;
+        let other_deg = leans_deg(&Labelled { angles_deg: &angles_deg, ..model.clone() }, own)?;
+        Some(other_deg.abs() > TURNED_DEG && wrapped(other_deg - deg).abs() < NEAR_DEG)
+    };
+    (deg.abs() < TURNED_DEG || STIFFER.into_iter().all(|stiffer| is_same(stiffer) == Some(true))).then_some(deg)
+}
+
+/// Returns the motion of a robot's model whose flagella are so many times as stiff.
+fn modelled(mut robot: Robot, rpm: [f64; 2], stiffer: f64) -> Option<Columns<3>> {
     let flagellum = &mut robot.flagellum;
+    flagellum.young_pa *= stiffer;
     let turn_m = hypot(TAU * flagellum.helix_radius_m, flagellum.pitch_m);
     flagellum.edge_length_m = flagellum.edge_length_m.max(turn_m / EDGES);
     robot.tank = None;
@@ -232,11 +257,8 @@ fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let [w1, w2] = data.speeds().map(CentiRpm::rpm);
     let is_off = |(told, rpm): (f64, f64)| (told - rpm).abs() > USUAL.0 * rpm.abs() + USUAL.1;
     [(told[0], w1), (told[1], w2)].into_iter().any(is_off).then(|| {
-        format!(
-            "by the swing the motors turned at {} and {} rpm, where {w1} and {w2} were commanded",
-            decimal(told[0], 1),
-            decimal(told[1], 1)
-        )
+        let [one, two] = told.map(|rpm| decimal(rpm, 1));
+        format!("by the swing the motors turned at {one} and {two} rpm, where {w1} and {w2} were commanded")
     })
 }
 
@@ -245,11 +267,8 @@ fn told_otherwise(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok().filter(|_| !data.is_blind())?;
     let told = own.told_rpm.filter(|told| (0..2).any(|k| (told[k] - own.rpm[k]).abs() > 2.0 * own.error_rpm(k)))?;
     (judged(data, zeroed) == Ok(Label::Right)).then(|| {
-        let [told, rpm] = [told, own.rpm].map(|rpm| rpm.map(|speed| decimal(speed, 1)));
-        format!(
-            "by the swing alone the motors turned at {} and {} rpm, and not at {} and {}",
-            told[0], told[1], rpm[0], rpm[1]
-        )
+        let [[one, two], [w1, w2]] = [told, own.rpm].map(|rpm| rpm.map(|speed| decimal(speed, 1)));
+        format!("by the swing alone the motors turned at {one} and {two} rpm, and not at {w1} and {w2}")
     })
 }
 

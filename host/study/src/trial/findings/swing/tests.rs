@@ -18,7 +18,7 @@ type Rows = Vec<(f64, [f64; 3])>;
 const RUN_S: f64 = 76.0;
 const AFTER_S: f64 = 30.0;
 
-const PAIRS: [[f64; 2]; 16] = [
+const PAIRS: [[f64; 2]; 21] = [
     [37.3, 14.9],
     [52.7, -21.4],
     [-61.9, 33.2],
@@ -35,6 +35,11 @@ const PAIRS: [[f64; 2]; 16] = [
     [-27.4, 58.6],
     [20.2, 12.3],
     [-19.6, 12.1],
+    [-60.0, 25.0],
+    [12.0, 90.0],
+    [63.7, -46.0],
+    [-46.0, 63.7],
+    [80.0, -20.0],
 ];
 
 struct Motion {
@@ -47,8 +52,11 @@ fn motions() -> Vec<Motion> {
     let physical = Robot::default();
     let mut soft = physical.clone();
     soft.flagellum.young_pa *= 0.6;
-    let mut thick = physical.clone();
+    let mut stiff = physical.clone();
+    stiff.flagellum.young_pa *= 1.67;
+    let [mut thick, mut thin] = [physical.clone(), physical.clone()];
     thick.fluid.viscosity_pa_s *= 1.25;
+    thin.fluid.viscosity_pa_s *= 0.8;
     let tank = Robot { tank: Some(Tank::published()), ..physical.clone() };
     let robots = [
         ("physical", physical.clone(), physical.clone()),
@@ -57,6 +65,8 @@ fn motions() -> Vec<Motion> {
         ("soft", soft, physical.clone()),
         ("quick", quick(), quick()),
         ("thick", thick, physical.clone()),
+        ("stiff", stiff, physical.clone()),
+        ("thin", thin, physical.clone()),
     ];
     let mut random = Random(77, 0);
     let all: Vec<_> = robots
@@ -161,7 +171,7 @@ fn about(axis: Vector3<f64>, deg: f64) -> Turn {
     UnitQuaternion::from_scaled_axis(axis * deg.to_radians())
 }
 
-const FAULTS: [&str; 17] = [
+const FAULTS: [&str; 18] = [
     "inverse",
     "order x-y-z",
     "order z-x-y",
@@ -175,6 +185,7 @@ const FAULTS: [&str; 17] = [
     "roll x2",
     "slip at once",
     "slip in 1 s",
+    "pitch slips in 3 s",
     "flips of single rows",
     "flips of runs of rows",
     "two poses, a quarter of rows",
@@ -204,12 +215,17 @@ fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
         "yaw x0.5" => scaled([0.5, 1.0, 1.0]),
         "pitch x2" => scaled([1.0, 2.0, 1.0]),
         "roll x2" => scaled([1.0, 1.0, 2.0]),
-        "slip at once" | "slip in 1 s" => {
-            let lasts_s = if fault == "slip in 1 s" { 1.0 } else { 0.001 };
+        "slip at once" | "slip in 1 s" | "pitch slips in 3 s" => {
+            let (lasts_s, axis) = match fault {
+                "slip at once" => (0.001, 0),
+                "slip in 1 s" => (1.0, 0),
+                _ => (3.0, 1),
+            };
             let from_s = way.rest_s + 5.0 + (RUN_S - 25.0) * random.uniform();
             let deg = (4.0 + 2.0 * random.uniform()) * if random.uniform() < 0.5 { 1.0 } else { -1.0 };
             let share = |t: f64| ((t - from_s) / lasts_s).clamp(0.0, 1.0);
-            rows.iter().map(|(t, [a, b, c])| (*t, [a + deg * share(*t), *b, *c])).collect()
+            let slipped = |t: f64, k: usize| if k == axis { deg * share(t) } else { 0.0 };
+            rows.iter().map(|(t, a)| (*t, [0, 1, 2].map(|k| a[k] + slipped(*t, k)))).collect()
         }
         _ => {
             // A flat tag has two poses: its tilt against the line of sight may have the other sign.
@@ -273,6 +289,39 @@ fn a_nearly_equal_motor_that_stood_or_turned_the_other_way_is_named() {
             assert!(found.iter().any(|text| text.contains(cause)), "{turned:?} as {label:?}: {found:?}");
         }
     }
+}
+
+/// The flagella of a fast motor bend, and a softer robot then leans elsewhere.
+#[test]
+fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
+    let motion = |robot: Robot, rpm: [f64; 2]| {
+        let truth = Truth::of(&robot, rpm, RUN_S + AFTER_S, RUN_S);
+        Motion { truth, file: Robot::default(), name: "" }
+    };
+    let found = |motion: &Motion, fault: Option<&str>, rest_deg: f64| {
+        let way = Way { rate_hz: 30.0, noise_deg: [0.05; 2], rest_s: 5.0, rest_deg, wander: 0.0 };
+        let (clean, mut random) = (rows(&motion.truth, way), Random(3, 0));
+        let rows = fault.map_or(clean.clone(), |fault| spoilt(fault, &clean, way, &mut random));
+        let trial = import(&noisy(&rows, way, &mut random), way, motion);
+        let texts = trial.findings.iter().filter(|one| one.grave).map(|one| one.text.clone());
+        texts.filter(|text| !text.starts_with("not settled")).collect::<Vec<_>>()
+    };
+    let [opposite, slower] = [[63.7, -46.0], [-60.0, 25.0]].map(|rpm| motion(Robot::default(), rpm));
+    for motion in [&opposite, &slower] {
+        assert_eq!(found(motion, None, 0.0), [""; 0]);
+    }
+    for (motion, fault, rest_deg, cause) in [
+        (&opposite, "inverse", 0.0, "turns the world's axes into the body's"),
+        (&slower, "order x-y-z", 20.0, "turns in another order"),
+        (&opposite, "half", 0.0, "turned by a half"),
+        (&slower, "quarter left", 0.0, "turned by a quarter"),
+    ] {
+        let texts = found(motion, Some(fault), rest_deg);
+        assert!(texts.iter().any(|text| text.contains(cause)), "{fault}: {texts:?}");
+    }
+    let mut soft = Robot::default();
+    soft.flagellum.young_pa *= 0.6;
+    assert_eq!(found(&motion(soft, [18.1, -79.9]), None, 0.0), [""; 0]);
 }
 
 /// Unequal noise is that of a camera beside or above the robot.
