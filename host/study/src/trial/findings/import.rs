@@ -20,7 +20,8 @@ const SAME_SHARE: f64 = 0.03;
 /// Smallest number of rows per turn of the faster flagellum.
 const LEAST_ROWS_A_TURN: f64 = 4.0;
 
-/// A change between two rows above both limits, degrees and °/s, is not a motion. The fastest full turn takes 3 s.
+/// A change between two rows above both limits, degrees and °/s, and above the noise is not a motion. The fastest full turn takes
+/// 3 s.
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
@@ -177,20 +178,22 @@ fn turned_before(data: &Data) -> Option<String> {
 fn lost(data: &Data) -> Option<String> {
     let (run, readings) = (&data.times.run, &data.readings);
     let is_apart = data.robot().is_ok_and(|robot| !robot.flagellum.mesh(data.speeds().map(CentiRpm::rpm)));
-    let (odd_deg, jump_deg) = if is_apart { (odd(readings), JUMP_DEG) } else { (Vec::new(), SNAP_DEG) };
+    let odd_deg = odd(readings);
     let is_in_run = |(row, _): &(&(f64, Reading), &Vector3<f64>)| run.contains(&row.0);
     let decile = |axis: usize| {
         let rows = readings.iter().skip(2).zip(&odd_deg).filter(is_in_run);
         let mut sorted: Vec<f64> = rows.map(|(_, deg)| deg[axis].abs()).collect();
         sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 10).map_or(f64::INFINITY, |noise| ODD_NOISES * noise)
+        sorted.get(sorted.len() / 10).map_or(0.0, |noise| ODD_NOISES * noise)
     };
     let turned_deg = |pair: &[(f64, Reading)]| {
         rotation_between(&rotation(pair[0].1.attitude), &rotation(pair[1].1.attitude)).norm().to_degrees()
     };
     let steps = readings.windows(2).map(turned_deg).filter(|deg| *deg > 1e-6);
     let rounding_deg = ODD_STEPS * steps.fold(f64::INFINITY, f64::min);
-    let most_deg = [0, 1, 2].map(decile).into_iter().fold(ODD_DEG.max(rounding_deg), f64::max);
+    let noise_deg = [0, 1, 2].map(decile).into_iter().fold(rounding_deg, f64::max);
+    let jump_deg = noise_deg.max(if is_apart { JUMP_DEG } else { SNAP_DEG });
+    let most_deg = if is_apart { noise_deg.max(ODD_DEG) } else { f64::INFINITY };
     let mut stood_from = 0;
     for (i, pair) in (1_usize..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));

@@ -98,7 +98,13 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     }
     let own = labelled(data, zeroed)?;
     Ok(match label(&own) {
-        Label::Right if own.is_vague() => by_model(data, zeroed, &own, other_sides).map_or(Label::Right, Label::Wrong),
+        Label::Right if own.is_vague() => {
+            let lacks = |model: &Labelled, own: &Labelled| other_sides(model, own);
+            let sides = |model: &Labelled, own: &Labelled| {
+                lacks(model, own).filter(|_| is_of_any_stiffness(data, model, |other| lacks(other, own).is_some()))
+            };
+            by_model(data, zeroed, &own, sides).map_or(Label::Right, Label::Wrong)
+        }
         other => other,
     })
 }
@@ -164,7 +170,9 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
     let is_settled = zeroed.steady.as_ref()?.settled;
     let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
-        Some((turned_deg(model, own), leans(data, model, own).filter(|_| is_settled), scaled(model, own)))
+        let leans_deg = leans(data, model, own).filter(|_| is_settled);
+        let scaled = scaled(model, own).filter(|scaled| scaled.0 != 0 || is_scaled_yaw(data, model, own, *scaled));
+        Some((turned_deg(model, own), leans_deg, scaled))
     })?;
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
     let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG / 2.0);
@@ -198,16 +206,27 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
 /// Stiffnesses of ordinary robots, relative to their file.
 const STIFFER: [f64; 2] = [0.6, 1.67];
 
+/// Returns whether the models of a softer and of a stiffer robot show the same as the `model` of its file.
+fn is_of_any_stiffness(data: &Data, model: &Labelled, is_same: impl Fn(&Labelled) -> bool) -> bool {
+    STIFFER.into_iter().all(|stiffer| {
+        let angles_deg = data.robot().ok().and_then(|robot| modelled(robot, model.rpm, stiffer));
+        angles_deg.is_some_and(|angles_deg| is_same(&Labelled { angles_deg: &angles_deg, ..model.clone() }))
+    })
+}
+
 /// Returns the angle by which an import leans in another direction than its robot's model; `None` if the direction depends on how
 /// stiff the robot is.
 fn leans(data: &Data, model: &Labelled, own: &Labelled) -> Option<f64> {
     let deg = leans_deg(model, own)?;
-    let is_same = |stiffer: f64| {
-        let angles_deg = modelled(data.robot().ok()?, own.rpm, stiffer)?;
-        let other_deg = leans_deg(&Labelled { angles_deg: &angles_deg, ..model.clone() }, own)?;
-        Some(other_deg.abs() > TURNED_DEG && wrapped(other_deg - deg).abs() < NEAR_DEG)
-    };
-    (deg.abs() < TURNED_DEG || STIFFER.into_iter().all(|stiffer| is_same(stiffer) == Some(true))).then_some(deg)
+    let is_near = |other_deg: f64| other_deg.abs() > TURNED_DEG && wrapped(other_deg - deg).abs() < NEAR_DEG;
+    let is_same = |other: &Labelled| leans_deg(other, own).is_some_and(is_near);
+    (deg.abs() < TURNED_DEG || is_of_any_stiffness(data, model, is_same)).then_some(deg)
+}
+
+/// Returns whether no stiffness explains that the yaw swings so many times as much as that of the robot's model.
+fn is_scaled_yaw(data: &Data, model: &Labelled, own: &Labelled, (_, factor): (usize, f64)) -> bool {
+    let is_alike = |(angle, other): (usize, f64)| angle == 0 && (other > 1.0) == (factor > 1.0);
+    is_of_any_stiffness(data, model, |other| scaled(other, own).is_some_and(is_alike))
 }
 
 /// Returns the motion of a robot's model whose flagella are so many times as stiff.
