@@ -219,7 +219,7 @@ fn states(table: &Table) -> Vec<i64> {
 /// Returns the inputs, in the order of the columns. If each point of a design has distinct values, a single column distinguishes
 /// all points, so the axes of a sweep come first.
 fn inputs(columns: &[Column]) -> Vec<&Column> {
-    // Seven digits: results of the same inputs may differ in their last digits.
+    // Seven digits: inputs that are computed, such as groups, may differ in the last ones.
     let distinct = |chosen: &[usize]| {
         let rows = columns.first().map_or(0, |column| column.values.len());
         let point = |i: usize| chosen.iter().map(|k| (columns[*k].values[i] as f32).to_bits()).collect::<Vec<_>>();

@@ -18,7 +18,7 @@ pub enum ProfileError {
     #[error("point {index} is not finite")]
     NotFinite { index: usize },
     /// The time of a point is before that of the previous point.
-    #[error("point {index} lies before the one before it")]
+    #[error("the time of point {index} is before that of the point before it")]
     Unordered { index: usize },
     /// The motor to reverse does not exist, or the reversal is outside of the run.
     #[error("motor {motor} cannot reverse {after} s after the start of the run")]
