@@ -28,9 +28,15 @@ use std::ops::Range;
 /// A cause is named if its score exceeds the label's by more than this.
 const MARGIN: f64 = 10.0;
 
-/// The margin of a cause about one motor if both are equally fast; and, if the flagella touch, of a cause about one motor, one
-/// that a sum or difference of both speeds can imitate, or one that leaves much of the motion unexplained.
+/// The margin if both motors are equally fast; and, if the flagella touch, of a cause about one motor, one that a sum or difference
+/// of both speeds can imitate, or one that leaves much of the motion unexplained.
 const MARGIN_WHERE_HARD: f64 = 25.0;
+
+/// Difference of both motors' turns below which a cause has to leave little of the motion unexplained.
+const CLOSE_TURNS: f64 = 3.0;
+
+/// No cause about one motor alone is named if its labelled speed is lower, rpm: its line may be lost where the speed wanders.
+const SLOWEST_ALONE_RPM: f64 = 12.0;
 
 /// Share of the least swing below which pitch and roll, or the yaw alone, do not swing. Radians read as degrees have a sixth of
 /// the least swing.
@@ -198,18 +204,22 @@ struct Doubts {
     length_s: f64,
     /// The lines of both motors fall together.
     are_near: bool,
-    /// They would fall together if both motors had the same sense.
+    /// They would fall together if both motors had the same sense, or ...
     are_alike: bool,
+    /// ... nearly so.
+    are_close: bool,
     is_noisy: bool,
 }
 
 impl Doubts {
     fn of(trial: &Labelled, motion: &Motion) -> Self {
         let near = |rpm: [f64; 2]| is_near(rpm, motion.length_s);
+        let sizes = trial.rpm.map(f64::abs);
         Self {
             length_s: motion.length_s,
             are_near: near(trial.rpm),
-            are_alike: near(trial.rpm.map(f64::abs)),
+            are_alike: near(sizes),
+            are_close: is_near(sizes, motion.length_s / CLOSE_TURNS),
             is_noisy: motion.angle_variance > NOISY_DEG * NOISY_DEG,
         }
     }
@@ -404,19 +414,22 @@ impl Readings<'_> {
     fn better_than(&self, label: f64, doubts: &Doubts) -> Vec<Better> {
         let trial = self.trial;
         let is_vague = trial.is_vague();
-        let is_blurred = doubts.is_noisy || is_vague || trial.may_be_alike() && doubts.length_s < 30.0;
+        let is_blurred =
+            doubts.is_noisy || doubts.are_alike || is_vague || trial.may_be_alike() && doubts.length_s < 30.0;
+        let is_slow = |rpm: [f64; 2]| (0..2).any(|k| !trial.is_near(rpm, k) && trial.rpm[k].abs() < SLOWEST_ALONE_RPM);
         // All causes are fitted roughly, the best ones exactly.
         let told = trial.told_rpm.map(|rpm| (Cause::Other(rpm), rpm));
         let causes = causes::causes(trial.rpm).into_iter().chain(told).filter(|&(cause, rpm)| {
             let is_alike = match cause {
                 Cause::Swapped | Cause::Reversed => doubts.are_alike || is_vague,
+                Cause::Other(_) => doubts.are_alike,
                 Cause::Sign(_) => is_vague,
                 _ => false,
             };
             // Flagella that touch make lines of sums and differences.
             let is_factor = matches!(cause, Cause::Factor { .. });
             let is_mixed = || trial.touches && is_factor && trial.mixes(rpm, doubts.length_s);
-            !(is_alike || cause.is_of_one() && (is_blurred || is_mixed()) || trial.hides(rpm))
+            !(is_alike || cause.is_of_one() && (is_blurred || is_slow(rpm) || is_mixed()) || trial.hides(rpm))
         });
         let mut rough: Vec<_> = causes.filter_map(|(cause, rpm)| Some((self.at(rpm, 0)?.0, cause, rpm))).collect();
         rough.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -432,7 +445,7 @@ impl Readings<'_> {
         let (trial, is_of_one) = (self.trial, cause.is_of_one());
         let (score, fit) = self.at(rpm, 3)?;
         // Two motors of one sense whose lines fall together may swing against each other, and leave other lines.
-        let may_hide = doubts.are_near && (is_near(rpm, doubts.length_s) || is_of_one);
+        let may_hide = doubts.are_close || doubts.are_near && (is_near(rpm, doubts.length_s) || is_of_one);
         if doubts.are_near && is_of_one && trial.touches {
             return None;
         }
@@ -440,7 +453,7 @@ impl Readings<'_> {
         let is_explained =
             (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT)) && !(is_of_one && fit.hides_one());
         let is_hard_where_they_touch = is_of_one || cause.is_mixed() || cause == Cause::Reversed || !is_clear;
-        let is_hard = is_of_one && doubts.are_alike || trial.touches && is_hard_where_they_touch;
+        let is_hard = doubts.are_alike || trial.touches && is_hard_where_they_touch;
         let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };
         let cause = with_factor(cause, trial.rpm, &fit);
         (is_explained && by > MARGIN && !trial.allows(cause)).then_some((by, cause, rpm))
