@@ -1,11 +1,10 @@
 //! Puts into the library what it needs outside of the repository: the commit that it is built from (`BIFLAG_GIT_HASH`), and
 //! the plans and robot files.
 
-use std::env;
 use std::fmt::Write;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::{env, fs};
 
 const PLANS: &str = "../plans";
 

@@ -14,11 +14,10 @@
 
 use crate::V3;
 use crate::body::shaft::Shaft;
-use crate::fluid::Line;
 use crate::fluid::head::{RigidSurface, rigid_motions, stokeslet};
 use crate::fluid::mobility::{add_flow_at, mobility, nodal_lengths};
-use crate::fluid::stokeslet_factor;
 use crate::fluid::tank::TankFlow;
+use crate::fluid::{Line, stokeslet_factor};
 use crate::params::{ParamError, Robot};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion};
 

@@ -269,10 +269,8 @@ impl<R: Read + Seek> Scanner<R> {
     fn tail(&mut self) -> io::Result<Option<Piece>> {
         let (from, rest) = (self.offset, self.length - self.offset.min(self.length));
         let head = self.bytes(from, rest.min(HEAD))?;
-        let is_cut = match head.first_chunk() {
-            Some(head) => self.plausible(head).is_none_or(|(_, length)| length > rest - HEAD),
-            None => true,
-        };
+        let is_cut =
+            head.first_chunk().and_then(|head| self.plausible(head)).is_none_or(|(_, length)| length > rest - HEAD);
         let chunk = if is_cut && head.first() == Some(&op::CHUNK) {
             unpack_beginning(&self.bytes(from, rest.min(MAX_RECORD))?)
         } else {

@@ -152,10 +152,8 @@ impl Simulated {
     fn steady<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let steady = json::record(py, &self.steady)?;
         // Angles of a robot that overturned are NaN, which JSON does not have.
-        let angles = quantities(FLAGELLA).filter(|column| column.is_angle());
-        angles
-            .into_iter()
-            .try_for_each(|angle| steady.set_item(&angle.name, self.steady.values.numbers[angle.index()]))?;
+        let mut angles = quantities(FLAGELLA).filter(|column| column.is_angle());
+        angles.try_for_each(|angle| steady.set_item(&angle.name, self.steady.values.numbers[angle.index()]))?;
         Ok(steady)
     }
 

@@ -135,10 +135,8 @@ fn together(comparison: &SessionComparison) -> String {
     let mean = |angle: &SessionAngle| {
         format!("{} {}° ± {:.2}°", angle.angle, signed(angle.mean_error_deg, 2), angle.mean_uncertainty_deg)
     };
-    match comparison.angles.iter().map(mean).collect::<Vec<_>>() {
-        none if none.is_empty() => String::new(),
-        means => format!("; mean steady error {}", means.join(", ")),
-    }
+    let means: Vec<_> = comparison.angles.iter().map(mean).collect();
+    if means.is_empty() { String::new() } else { format!("; mean steady error {}", means.join(", ")) }
 }
 
 fn line(trial: &Comparison) -> String {
@@ -149,14 +147,9 @@ fn line(trial: &Comparison) -> String {
     let error = each(&|angle| format!("{}°{}", signed(angle.error_deg, 2), parts(angle)));
     let rmse = each(&|angle| format!("{}°", decimal(angle.rmse_deg, 2)));
     let settle = trial.settling.ratio.map_or_else(String::new, |ratio| format!(", settling time ratio {ratio:.2}"));
-    let shift = match trial.time_shift_s {
-        0.0 => String::new(),
-        shift => format!(", time shift {} s", signed(shift, 2)),
-    };
-    let gaps = match trial.compared_share {
-        share if share < 0.999 => format!(", over {:.1} % of the run", 100.0 * share),
-        _ => String::new(),
-    };
+    let (shift_s, share) = (trial.time_shift_s, trial.compared_share);
+    let shift = if shift_s == 0.0 { String::new() } else { format!(", time shift {} s", signed(shift_s, 2)) };
+    let gaps = if share < 0.999 { format!(", over {:.1} % of the run", 100.0 * share) } else { String::new() };
     format!("{}: steady {measured}; error {error}; RMSE {rmse}{gaps}{settle}{shift}\n  {}.", trial.name, trial.verdict)
 }
 

@@ -35,10 +35,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     // A wrong or busy port fails here, not after a build of minutes.
     link::probe_port(&port)?;
     let claim = link::claim_port(&port)?;
-    let image = match &args.firmware {
-        Some(elf) => Image::read(elf)?,
-        None => image::of_program()?,
-    };
+    let image = args.firmware.as_deref().map_or_else(image::of_program, Image::read)?;
     let progress = spinner();
     progress.set_message(format!("writing {}", image.commit));
     let (baud, chip) = rig::flash(&port, &image.elf, |baud| {

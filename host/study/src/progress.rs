@@ -9,11 +9,10 @@ use crate::lock::lock;
 use crate::text::{line, printable};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::collections::VecDeque;
-use std::fmt;
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::thread;
 use std::time::Duration;
+use std::{fmt, thread};
 
 /// Time between two drawings of the bar.
 const INTERVAL: Duration = Duration::from_millis(200);

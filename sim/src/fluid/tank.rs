@@ -6,11 +6,10 @@
 //! these points is kept until they have moved. Far images, and the flow missing from the images in single walls, are a
 //! polynomial ([`super::reflections`]).
 
-use super::Line;
 use super::coarse::Coarse;
 use super::reflections::Reflections;
-use super::stokeslet_factor;
 use super::walls::{Images, Walls};
+use super::{Line, stokeslet_factor};
 use crate::V3;
 use crate::params::{Robot, Tank};
 use nalgebra::UnitQuaternion;

@@ -41,8 +41,7 @@ mod slow;
 mod witness;
 
 use crate::functions::exp;
-use crate::params::Closure;
-use crate::params::{ParamError, Robot};
+use crate::params::{Closure, ParamError, Robot};
 use crate::step::{InversesAtRest, Solver, StepError};
 use crate::trial::means::{Level, Steady, SteadyCollector, whole_turns};
 use crate::trial::profile::{ProfileError, SpeedProfile};

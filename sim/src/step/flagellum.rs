@@ -12,10 +12,9 @@ use super::state::{RodState, Shape};
 use crate::V3;
 use crate::body::load::Load;
 use crate::body::shaft::Shaft;
-use crate::fluid::Line;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
-use crate::fluid::stokeslet_factor;
+use crate::fluid::{Line, stokeslet_factor};
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames, spin::SpinDrag};
 

@@ -1,6 +1,5 @@
 //! The solver: one step from a state to the next.
 
-use super::accept;
 use super::body::BodySolve;
 use super::inverses::{Cache, Linearisation};
 use super::model::Model;
@@ -11,10 +10,9 @@ use super::rest::InversesAtRest;
 use super::state::{RodState, State};
 use super::sweep::Sweeps;
 use super::time_step::{Attempt, TimeStep};
-use super::truncation;
+use super::{accept, truncation};
 use crate::contact::pairs::Lines;
-use crate::params::Closure;
-use crate::params::{ParamError, Robot, SolverSettings};
+use crate::params::{Closure, ParamError, Robot, SolverSettings};
 use crate::rod::Rod;
 
 /// Solves steps of one robot with one closure. All data that affect results are in [`State`], not in the solver.

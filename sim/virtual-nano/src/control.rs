@@ -86,10 +86,8 @@ fn number<N: FromStr>(word: &str) -> Result<N, String> {
 
 fn within(what: &str, word: &str, low: f64, high: f64) -> Result<f64, String> {
     let value: f64 = number(word)?;
-    match (low..=high).contains(&value) {
-        true => Ok(value),
-        false => Err(format!("{what} must be from {low} to {high}, not {value}")),
-    }
+    let refused = || format!("{what} must be from {low} to {high}, not {value}");
+    (low..=high).contains(&value).then_some(value).ok_or_else(refused)
 }
 
 /// Parses the duration of a movement.

@@ -10,7 +10,6 @@ use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use virtual_nano::bootloader::Bootloader;
-use virtual_nano::control;
 use virtual_nano::fault::{self, Timed};
 use virtual_nano::imu::hand::Grip;
 use virtual_nano::imu::part::ROOM_C;
@@ -23,7 +22,7 @@ use virtual_nano::plant::Plant;
 use virtual_nano::port::{Port, PortCount};
 use virtual_nano::rig::{RIGS, RigKind};
 use virtual_nano::run::Runner;
-use virtual_nano::{Board, BoardOptions, Image};
+use virtual_nano::{Board, BoardOptions, Image, control};
 
 /// The robot's Arduino Nano, emulated.
 ///

@@ -130,10 +130,7 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
 /// Returns the time to show on the trial's clock, within its attitude; `None` if there is none.
 pub(crate) fn shown(zeroed: &Zeroed, time_s: Option<[f64; 2]>) -> Option<Range<f64>> {
     let all = zeroed.angles_deg.span();
-    let wanted = match time_s {
-        Some([from, to]) => zeroed.run.start + from..zeroed.run.start + to,
-        None => zeroed.run.clone(),
-    };
+    let wanted = time_s.map_or_else(|| zeroed.run.clone(), |[from, to]| zeroed.run.start + from..zeroed.run.start + to);
     let shown = wanted.start.max(all.start)..wanted.end.min(all.end);
     (shown.end > shown.start).then_some(shown)
 }

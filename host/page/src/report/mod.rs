@@ -127,10 +127,7 @@ pub fn write(
 }
 
 fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, PageError> {
-    let view = match views.into_iter().next() {
-        Some(view) => view,
-        None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
-    };
+    let view = views.into_iter().next().map_or_else(|| view(&Attempt::of_log(log), ByteBudget::of_trials(1)), Ok)?;
     put(out, &page_of_log(&view), [1, graves(&view)], view.findings)
 }
 
@@ -214,10 +211,8 @@ fn of_session(
 fn row(state: &TrialState, comparison: Option<&SessionComparison>, views: &[View], budget: ByteBudget) -> Row {
     let trial = &state.trial;
     let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
-    let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
-        Some(view) => Ok(view.clone()),
-        None => view(attempt, budget),
-    });
+    let known = |attempt: &Attempt| views.iter().find(|view| view.log == attempt.path).cloned();
+    let view = state.best().map(|attempt| known(attempt).map_or_else(|| view(attempt, budget), Ok));
     let state = match view {
         None if !state.left_out.is_empty() => RowState::Unreadable(
             state.left_out.iter().map(|of_log| of_log.finding.to_string()).collect::<Vec<_>>().join("; "),

@@ -239,10 +239,8 @@ fn maps(rows: &[Row]) -> Vec<Markup> {
     let views = || rows.iter().filter_map(Row::view);
     let own = views().next().map_or("measured", View::own_name);
     let other = views().find_map(View::other_name).unwrap_or("model");
-    let of_repeats = match means[0].iter().any(|mean| mean.trials > 1) {
-        true => " Repeated trials: the magnitude of their mean.",
-        false => "",
-    };
+    let has_repeats = means[0].iter().any(|mean| mean.trials > 1);
+    let of_repeats = if has_repeats { " Repeated trials: the magnitude of their mean." } else { "" };
     let map = |(angle, name, symbol): (usize, &str, &str)| {
         let both = [points(angle, false), points(angle, true)];
         // The maps of an angle share their colour scale.

@@ -39,10 +39,7 @@ pub(super) fn count(n: impl TryInto<u64>, one: &str, more: &str) -> String {
 
 /// Returns at most `most` characters, with an ellipsis if there were more. A log from elsewhere may contain any text.
 pub(super) fn clip(text: &str, most: usize) -> String {
-    match text.char_indices().nth(most) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
+    text.char_indices().nth(most).map_or_else(|| text.to_owned(), |(end, _)| format!("{}…", &text[..end]))
 }
 
 /// Returns JSON for a `<script>` element, without any character that could end the element or begin another.

@@ -81,10 +81,7 @@ impl View {
             angles: zeroed.angles(),
             repeat: Repeat::new(trial),
             warnings: warnings(trial, comparison),
-            findings: match comparison {
-                Some(comparison) => comparison.findings.clone(),
-                None => trial.log_findings(),
-            },
+            findings: comparison.map_or_else(|| trial.log_findings(), |comparison| comparison.findings.clone()),
             events: most_important(data.events.clone(), budget.events()),
             more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
             curves: Curves::default(),

@@ -3,9 +3,8 @@
 use super::server::Live;
 use crate::link::{Arrival, BoardClock, Event, Link, LinkError, Monitor};
 use crate::run::fault_text;
-use biflag_log::LinkStats;
 use biflag_log::schema::biflag;
-use biflag_log::{Converter, EventKind, event};
+use biflag_log::{Converter, EventKind, LinkStats, event};
 use protocol::{Command, Fault, Settings, State, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};

@@ -14,9 +14,8 @@ use crate::run::rig::{ImageError, VirtualError, VirtualNano, repository};
 use check::{Check, Finding, answer, check, problem};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use system::avrdude;
-use system::meddlers;
 use system::shell::INSTALL;
+use system::{avrdude, meddlers};
 
 /// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
 #[derive(clap::Args, Debug)]

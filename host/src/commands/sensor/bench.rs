@@ -125,19 +125,19 @@ impl Bench {
             log.meta(&nano.sensor)?;
         }
         let (nano, what) = (&mut self.nano, self.name.trim_start_matches("sensor "));
-        let followed = follow(&self.link, &self.settings, &mut log, &self.interrupted, |reading, _| {
-            let told = take(reading, nano.as_mut(), &mut progress).map_err(Failure)?;
-            if told.instruction != said {
-                progress.phase(what, &told.instruction);
-                said = told.instruction;
-            }
-            if reading.time_s > shown_s + SHOWN_S {
-                shown_s = reading.time_s;
-                progress.figures(&told.figures);
-            }
-            Ok(!told.is_done)
-        })
-        .map_err(|Failure(report)| report);
+        let followed: miette::Result<_> =
+            follow(&self.link, &self.settings, &mut log, &self.interrupted, |reading, _| {
+                let told = take(reading, nano.as_mut(), &mut progress)?;
+                if told.instruction != said {
+                    progress.phase(what, &told.instruction);
+                    said = told.instruction;
+                }
+                if reading.time_s > shown_s + SHOWN_S {
+                    shown_s = reading.time_s;
+                    progress.figures(&told.figures);
+                }
+                Ok(!told.is_done)
+            });
         progress.finish();
         let summary = match &followed {
             Ok(followed) => Summary { end: End::Complete, link: followed.link, ..Summary::default() },
@@ -173,15 +173,6 @@ enum Kept {
     Scales,
     /// Its memory does not contain the written values.
     Failed,
-}
-
-/// An error of a reading's function.
-struct Failure(Report);
-
-impl From<RecordError> for Failure {
-    fn from(error: RecordError) -> Self {
-        Self(error.into())
-    }
 }
 
 /// The result of a measurement.

@@ -3,6 +3,7 @@
 use super::super::options::within;
 use super::bench::{Bench, Common, Measured, Told, finish, percent};
 use crate::commands::answer::{Answer, wrong_use};
+use crate::run::rig::{VirtualError, VirtualNano};
 use serde_json::json;
 use study::plan::Axis;
 use study::sensor::{AXES, TurnPlan, TurnResult, TurnStep, TurnWatch};
@@ -150,12 +151,7 @@ struct Hand {
 
 impl Hand {
     /// Turns the emulated sensor when the program asks for it.
-    fn follow(
-        &mut self,
-        step: TurnStep,
-        count: usize,
-        nano: &mut crate::run::rig::VirtualNano,
-    ) -> Result<(), crate::run::rig::VirtualError> {
+    fn follow(&mut self, step: TurnStep, count: usize, nano: &mut VirtualNano) -> Result<(), VirtualError> {
         if step != TurnStep::Ready || self.ordered > count || (self.is_replay && self.ordered > 0) {
             return Ok(());
         }

@@ -82,10 +82,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    match &args.from {
-        Some(from) => replay::run(args, from),
-        None => planned::run(args),
-    }
+    if let Some(from) = &args.from { replay::run(args, from) } else { planned::run(args) }
 }
 
 fn phase(text: &str) -> Result<[f64; 2], String> {

@@ -103,10 +103,7 @@ impl Row {
     }
 
     pub fn mean(&self) -> Option<&PhaseMeans> {
-        match self {
-            Self::One(_) => None,
-            Self::Mean(mean) => Some(&mean.means),
-        }
+        if let Self::Mean(mean) = self { Some(&mean.means) } else { None }
     }
 }
 

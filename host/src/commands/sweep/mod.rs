@@ -135,10 +135,7 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
         let text = format!("{}: interrupted after {done} of {points}, go on with --resume", path.display());
         return Answer::new(Outcome::Interrupted, &swept, text);
     }
-    match args.shard {
-        Some(_) => swept.answer(&path),
-        None => merge(&path, Missing::Refused),
-    }
+    if args.shard.is_some() { swept.answer(&path) } else { merge(&path, Missing::Refused) }
 }
 
 fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {

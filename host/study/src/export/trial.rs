@@ -164,10 +164,8 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     ];
     lines.extend(data.sha256.as_ref().map(|sum| format!("SHA-256 of the log: {sum}")));
     let robot = RobotFile::of_log(data.records.robot.clone()).name;
-    lines.push(match &data.records.model {
-        Some(model) => format!("robot {robot}, closure {}", word(&model.closure)),
-        None => format!("robot {robot}"),
-    });
+    let closure = data.records.model.as_ref().map(|model| format!(", closure {}", word(&model.closure)));
+    lines.push(format!("robot {robot}{}", closure.unwrap_or_default()));
     lines.extend(data.notes().map(|(time_s, note)| format!("note at {:.2} s: {note}", time_s - data.times.run.start)));
     lines.extend(data.records.import.as_ref().map(|import| {
         let ImportMeta { source, source_sha256, columns, .. } = import;

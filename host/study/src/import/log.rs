@@ -2,10 +2,9 @@
 
 use super::run::Run;
 use super::{ImportError, States};
-use crate::output;
 use crate::plan::{MAX_PHASE_S, MIN_RUN_S, Phase, Plan, RobotFile};
-use crate::run;
 use crate::trial::Data;
+use crate::{output, run};
 use biflag_log::schema::biflag::{Quaternion, Truth};
 use biflag_log::{End, EventKind, ImportMeta, LinkStats, Origin, Summary, Writer};
 use protocol::units::CentiRpm;

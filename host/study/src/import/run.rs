@@ -134,10 +134,8 @@ fn without_end(rows: &[State], turns: &[[f64; 2]], run: Range<f64>) -> Range<f64
         [0, 1].into_iter().all(|k| (rpm[k] - middle[k]).abs() <= SLOWER_RPM + SLOWER_SHARE * middle[k].abs())
     };
     let within = |i: &usize| (run.start.max(run.end - SLOWING_S)..=run.end).contains(&rows[i - 1].time_s);
-    match (1..rows.len()).rev().filter(within).find(is_at_speed) {
-        Some(last) => run.start..rows[last].time_s,
-        None => run,
-    }
+    let last = (1..rows.len()).rev().filter(within).find(is_at_speed);
+    run.start..last.map_or(run.end, |last| rows[last].time_s)
 }
 
 /// Returns the mean speeds in the middle half of the run.

@@ -133,10 +133,7 @@ impl Recorder {
 
     fn levelled(&mut self, q: Quaternion, time_s: f64) -> UnitQuaternion<f64> {
         let attitude = rotation([q.w, q.x, q.y, q.z]);
-        match &mut self.leveller {
-            Some(leveller) => leveller.levelled(attitude, time_s),
-            None => attitude,
-        }
+        self.leveller.as_mut().map_or(attitude, |leveller| leveller.levelled(attitude, time_s))
     }
 
     /// Records the unrounded state of a modelled robot.

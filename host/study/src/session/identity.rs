@@ -269,10 +269,7 @@ fn older(session: &Session, name: &str, known: &Known) -> Option<String> {
 
 /// Returns the findings about a log that follow from the session in its folder.
 pub(super) fn of_log(log: &Path) -> Vec<Finding> {
-    let folder = match log.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = biflag_log::atomic_file::folder_of(log);
     let Some(name) = log.file_name().and_then(|name| name.to_str()) else { return Vec::new() };
     // A folder that is not a session, or has unreadable logs, gives no findings about this log.
     let Ok(session) = Session::open(folder) else { return Vec::new() };

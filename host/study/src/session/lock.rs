@@ -94,7 +94,7 @@ pub fn recorded<'a>(folder: &Path, states: impl Iterator<Item = &'a TrialState>)
 
 /// Returns whether a log is being recorded.
 pub fn is_being_recorded(log: &Path) -> bool {
-    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = atomic_file::folder_of(log);
     let open = || recorded(folder, Session::open(folder).ok()?.states().ok()?.iter());
     is_in_use(folder) && open().is_some_and(|recorded| recorded.file_name() == log.file_name())
 }

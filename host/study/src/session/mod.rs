@@ -180,10 +180,8 @@ impl Session {
             return Self::create(folder, plan);
         }
         let session = Self::open(folder)?;
-        match difference(&session.plan, plan) {
-            Some(difference) => Err(SessionError::OtherPlan { folder: folder.to_owned(), difference }),
-            None => Ok(session),
-        }
+        let Some(difference) = difference(&session.plan, plan) else { return Ok(session) };
+        Err(SessionError::OtherPlan { folder: folder.to_owned(), difference })
     }
 
     /// Reads the session in `folder`.
@@ -242,10 +240,7 @@ impl Session {
             (states.iter().filter(|state| state.attempts.is_empty())).map(|state| state.trial.name.as_str()).collect();
         let (first, more) = names.split_at(names.len().min(NAMED));
         let first = first.join(", ");
-        let named = match more.len() {
-            0 => first,
-            more => format!("{first} and {more} more"),
-        };
+        let named = if more.is_empty() { first } else { format!("{first} and {} more", more.len()) };
         let verb = if names.len() == 1 { "has" } else { "have" };
         let text = format!("{} of {} {verb} no log: {named}", names.len(), count(states.len(), "trial"));
         let finding = Finding::grave(FindingKind::Conduct, text, "continue the session with --resume");
@@ -350,10 +345,7 @@ fn log_names(folder: &Path) -> Result<Vec<String>, SessionError> {
 
 /// Returns an error of a log with its cause.
 fn described(error: &LogError) -> String {
-    match std::error::Error::source(error) {
-        Some(cause) => format!("{error}: {cause}"),
-        None => error.to_string(),
-    }
+    std::error::Error::source(error).map_or_else(|| error.to_string(), |cause| format!("{error}: {cause}"))
 }
 
 /// Largest number of attempts at a trial. A larger number in a file name was not written by biflag.

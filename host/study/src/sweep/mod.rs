@@ -42,8 +42,7 @@ pub use read::{columns_of, of_csv, read_table};
 pub use results::RESULTS;
 pub use slurm::script;
 pub use status::{Reason, ShardCounts};
-pub use table::ROBOT;
-pub use table::VARIES;
+pub use table::{ROBOT, VARIES};
 
 use std::path::{Path, PathBuf};
 

@@ -283,8 +283,7 @@ pub fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::super::clock::now_s;
-    use super::super::compute::Cost;
-    use super::super::compute::failed;
+    use super::super::compute::{Cost, failed};
     use super::super::point::Name;
     use super::*;
     use std::time::{Duration, UNIX_EPOCH};

@@ -16,10 +16,8 @@ const POINT: &str = "point";
 pub fn read_table(path: &Path) -> Result<Table, SweepError> {
     let wrong = |reason: String| SweepError::Table { path: path.to_owned(), reason };
     let table = columns_of(path).map_err(wrong)?;
-    match table.columns.iter().any(|column| column.name == POINT) {
-        true => Ok(table),
-        false => Err(wrong(format!("it has no column {POINT}"))),
-    }
+    let has_points = table.columns.iter().any(|column| column.name == POINT);
+    has_points.then_some(table).ok_or_else(|| wrong(format!("it has no column {POINT}")))
 }
 
 /// Reads any table, Parquet or CSV.

@@ -79,11 +79,11 @@ impl Work<'_> {
 
     /// Adds the points that other workers have finished meanwhile.
     fn look_again(&mut self) -> Result<(), SweepError> {
-        self.folder.read(|_, record| {
+        let read = self.folder.read(|_, record| {
             self.known.add(record.index);
             Ok(())
-        })?;
-        Ok(())
+        });
+        read.map(drop)
     }
 }
 

@@ -1,11 +1,9 @@
 //! Accumulates a trial from its messages, while its log is read or written.
 
-use super::bounds;
-use super::clock;
 use super::data::{Data, Event, LinkSecond, Records, Want};
 use super::fields::{self, FRAME, TRUTH};
-use super::imported;
 use super::shapes::Shapes;
+use super::{bounds, clock, imported};
 use crate::attitude::Reading;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{self, Motor, Telemetry};

@@ -34,10 +34,7 @@ pub(super) fn readings(
     for (i, time) in times.iter().enumerate() {
         let (before, after) = (i.saturating_sub(1), (i + 1).min(times.len() - 1));
         let passed_s = times[after] - times[before];
-        let rpm = |turns: &[f64]| match passed_s > 0.0 {
-            true => 60.0 * (turns[after] - turns[before]) / passed_s,
-            false => 0.0,
-        };
+        let rpm = |turns: &[f64]| if passed_s > 0.0 { 60.0 * (turns[after] - turns[before]) / passed_s } else { 0.0 };
         let target = target_rpm.map(|target| if run.contains(time) { target } else { 0.0 });
         motors.push(*time, [target[0], rpm(turns1), target[1], rpm(turns2), turns1[i], turns2[i]]);
     }

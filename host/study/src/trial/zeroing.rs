@@ -6,10 +6,8 @@
 //! starts upright with a yaw of zero, and there is no gyroscope to drift. An imported attitude is also relative to its
 //! rest; the import states its errors.
 
-use super::back_at_zero;
 use super::data::Data;
 use super::errors::{self, Errors};
-use super::import_rest;
 use super::imported::Stated;
 use super::rest::{AtRest, START_S};
 use super::rest_fit::end_of;
@@ -17,6 +15,7 @@ use super::righting::{left_deg, righting_s, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
 use super::zero::{Known, Zeroed};
+use super::{back_at_zero, import_rest};
 use crate::attitude::{Columns, Drift, Level, Leveller, Reading, Rest, Series, euler_deg, rotation};
 use biflag_log::Origin;
 use nalgebra::{UnitQuaternion, Vector3};

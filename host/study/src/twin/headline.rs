@@ -34,14 +34,10 @@ pub(super) fn headline(trials: &[Comparison], angles: &[SessionAngle], chance: O
         0 => "No uncertainty is known, so nothing is judged.".to_owned(),
         count => {
             let where_known = if count == 3 * trials.len() { "" } else { ", where it is known" };
-            match trials.iter().all(Comparison::judges_transients) {
-                true => format!("{both} agree within {within}{where_known}."),
-                false => {
-                    format!(
-                        "{both} agree in the steady state within {within}{where_known}; the way there is not judged."
-                    )
-                }
-            }
+            let is_judged = trials.iter().all(Comparison::judges_transients);
+            let [state, way] =
+                if is_judged { [""; 2] } else { [" in the steady state", "; the way there is not judged"] };
+            format!("{both} agree{state} within {within}{where_known}{way}.")
         }
     }
 }

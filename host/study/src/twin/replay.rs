@@ -127,10 +127,7 @@ pub fn replay<T: Send>(
     line: &(dyn Fn(&ModelRun) -> String + Sync),
     then: &(dyn Fn(&Replayed, Judged) -> T + Sync),
 ) -> Result<Replays<T>, TwinError> {
-    let robot = match &settings.robot {
-        Some(file) => Some(file.parse()?),
-        None => None,
-    };
+    let robot = settings.robot.as_ref().map(RobotFile::parse).transpose()?;
     let robot_of_plan = settings.robot.clone().unwrap_or_else(|| source.plan.robot.clone());
     let plan = Plan { robot: robot_of_plan, ..source.plan.clone() };
     let total_s = source.logs.iter().map(|(trial, _)| trial.phases.total_s()).sum();
@@ -219,10 +216,7 @@ fn prepare(
     let Judged { data, angles: zeroed, .. } = recording;
     data.check().map_err(|error| TwinError::unusable(data, error))?;
     let course = course(data, trial)?;
-    let robot = match robot {
-        Some(robot) => robot.clone(),
-        None => data.robot().map_err(|source| TwinError::robot(data, source))?,
-    };
+    let robot = robot.clone().map_or_else(|| data.robot().map_err(|source| TwinError::robot(data, source)), Ok)?;
     let simple = Ratio::of(data.speeds().map(CentiRpm::rpm)).is_some();
     let is_known = data.records.board.as_ref().is_some_and(|board| board.angle_deg.is_some());
     let needs_phase = simple

@@ -128,9 +128,6 @@ impl Faults {
             self.struck += 1;
             matches!(fault, Fault::Nack { count: 1.., .. })
         });
-        match self.held {
-            Some(_) => Some(BusAnswer::Held),
-            None => (self.silent || self.gone).then_some(BusAnswer::Nack),
-        }
+        if self.held.is_some() { Some(BusAnswer::Held) } else { (self.silent || self.gone).then_some(BusAnswer::Nack) }
     }
 }

@@ -155,10 +155,8 @@ impl Source {
                 (recorded(recording, &sample), is_noisy)
             }
         };
-        let (gyro_noise, accel_noise) = match is_noisy {
-            true => part.white(time_s, low_pass, noise),
-            false => ([0.0; 3], [0.0; 3]),
-        };
+        let (gyro_noise, accel_noise) =
+            if is_noisy { part.white(time_s, low_pass, noise) } else { ([0.0; 3], [0.0; 3]) };
         let [x, y, z] = signal.rate_dps;
         let add = |values: [f64; 3], noise: [f64; 3]| std::array::from_fn(|i| values[i] + noise[i]);
         let rate_dps: [f64; 3] = add([x, y, z + *spin_dps].map(|dps| dps + *shaken_dps), gyro_noise);

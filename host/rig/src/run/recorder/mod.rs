@@ -193,10 +193,8 @@ impl<'a> Recorder<'a> {
     /// Returns whether an unrecorded frame has arrived.
     pub(super) fn has_frame(&mut self) -> Result<bool, RecordError> {
         while self.pending.is_none() && self.waiting.is_empty() {
-            match self.link.next(Duration::ZERO) {
-                Some(received) => self.take_frame(received)?,
-                None => return Ok(false),
-            }
+            let Some(received) = self.link.next(Duration::ZERO) else { return Ok(false) };
+            self.take_frame(received)?;
         }
         Ok(true)
     }

@@ -5,8 +5,7 @@ use super::Model;
 use biflag_log::{Method, SteadyMeta};
 use sim::contact::history::BundlingChange;
 use sim::steady::{self, Periodic, Problem, SolveError, Watch};
-use sim::step::Solver;
-use sim::step::StepError;
+use sim::step::{Solver, StepError};
 use sim::trial::Trial;
 use sim::trial::profile::SpeedProfile;
 use sim::trial::sample::Sample;
@@ -56,18 +55,12 @@ impl Motion {
 
     /// Returns the duration of the record if it replaces the whole trial, s.
     pub fn duration_s(&self) -> Option<f64> {
-        match &self.0 {
-            Source::Trial(_) => None,
-            Source::Steady { solved, .. } => Some(solved.duration_s),
-        }
+        if let Source::Steady { solved, .. } = &self.0 { Some(solved.duration_s) } else { None }
     }
 
     /// Returns the simulated time before the first sample, s.
     pub fn simulated_s(&self) -> f64 {
-        match &self.0 {
-            Source::Trial(_) => 0.0,
-            Source::Steady { solved, .. } => solved.simulated_s,
-        }
+        if let Source::Steady { solved, .. } = &self.0 { solved.simulated_s } else { 0.0 }
     }
 
     /// Returns the steady state, once all samples have been taken.
@@ -87,10 +80,7 @@ impl Iterator for Motion {
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.0 {
             // Finish the run, so that the steady state covers all of it.
-            Source::Trial(trial) => match trial.next() {
-                None => trial.finish().err().map(Err),
-                sample => sample,
-            },
+            Source::Trial(trial) => trial.next().or_else(|| trial.finish().err().map(Err)),
             Source::Steady { samples, .. } => samples.next().map(Ok),
         }
     }

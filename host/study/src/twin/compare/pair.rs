@@ -85,8 +85,6 @@ impl<'a> Pair<'a> {
 
 /// Returns whether a log is the replay of a recording read with its hash.
 pub fn is_replay_of(replay: &Data, recording: &Data) -> bool {
-    match (&replay.records.replay, &recording.sha256) {
-        (Some(replay), Some(sha256)) => replay.source_sha256 == *sha256,
-        _ => false,
-    }
+    let source = replay.records.replay.as_ref().map(|replay| &replay.source_sha256);
+    source.is_some() && source == recording.sha256.as_ref()
 }
