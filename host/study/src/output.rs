@@ -18,7 +18,10 @@ pub enum OutputError {
     Exists { path: PathBuf },
     /// The path does not name a file, or its folder does not exist or is not writable.
     #[error("{}: cannot be written: {reason}", path.display())]
-    #[diagnostic(code(wrong_use), help("name a file in a folder that exists and is writable"))]
+    #[diagnostic(
+        code(wrong_use),
+        help("name a file in a folder that exists and is writable, and that no other program has open")
+    )]
     Folder { path: PathBuf, reason: String },
     /// The ending of the name does not fit the content of the file.
     #[error("{}: the name must end with {endings}", path.display())]

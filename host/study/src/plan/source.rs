@@ -196,6 +196,10 @@ impl Source<'_> {
             if value.starts_with(|c: char| c.is_alphabetic()) {
                 return self.error(span, format!("{written}: text needs quotes"), cure);
             }
+            if value.starts_with('"') && value.contains('\\') {
+                let cure = "write / in a path, or put it in single quotes";
+                return self.error(span, format!("{written}: \\ begins an escape here"), cure.to_owned());
+            }
             if error.message().starts_with("string values must be quoted") {
                 return self.error(span, format!("{written}: this is not a value"), cure);
             }
