@@ -32,7 +32,8 @@ const MARGIN: f64 = 10.0;
 /// of both speeds can imitate, or one that leaves much of the motion unexplained.
 const MARGIN_WHERE_HARD: f64 = 25.0;
 
-/// Difference of both motors' turns below which a cause has to leave little of the motion unexplained.
+/// Difference of both motors' turns below which a cause has to leave little of the motion unexplained: motors whose lines nearly
+/// fall together may swing against each other, and leave other lines.
 const CLOSE_TURNS: f64 = 3.0;
 
 /// No cause about one motor alone is named if its labelled speed is lower, rpm: its line may be lost where the speed wanders.
@@ -202,9 +203,7 @@ pub enum Label {
 struct Doubts {
     /// Length of the motion, s.
     length_s: f64,
-    /// The lines of both motors fall together.
-    are_near: bool,
-    /// They would fall together if both motors had the same sense, or ...
+    /// The lines of both motors fall together, or would if both had the same sense, or ...
     are_alike: bool,
     /// ... nearly so.
     are_close: bool,
@@ -213,12 +212,10 @@ struct Doubts {
 
 impl Doubts {
     fn of(trial: &Labelled, motion: &Motion) -> Self {
-        let near = |rpm: [f64; 2]| is_near(rpm, motion.length_s);
         let sizes = trial.rpm.map(f64::abs);
         Self {
             length_s: motion.length_s,
-            are_near: near(trial.rpm),
-            are_alike: near(sizes),
+            are_alike: is_near(sizes, motion.length_s),
             are_close: is_near(sizes, motion.length_s / CLOSE_TURNS),
             is_noisy: motion.angle_variance > NOISY_DEG * NOISY_DEG,
         }
@@ -368,10 +365,11 @@ pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     let weak = (0..2).find(|&side| falls_short(side))?;
     let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
     let motors: Vec<usize> = (0..2).filter(|&k| (own.rpm[k] > 0.0) == (weak == 0)).collect();
+    let are_near = is_near(own.rpm, motion.length_s);
     match motors[..] {
         [k] => Some(vec![Cause::Stands(k), of_one(k)]),
         // Two motors of one sense whose lines fall together may swing against each other.
-        [one, other] if !doubts.are_near && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) => {
+        [one, other] if !are_near && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) => {
             Some(vec![of_one(one), of_one(other)])
         }
         _ => None,
@@ -444,14 +442,9 @@ impl Readings<'_> {
     fn exactly(&self, cause: Cause, rpm: [f64; 2], label: f64, doubts: &Doubts) -> Option<Better> {
         let (trial, is_of_one) = (self.trial, cause.is_of_one());
         let (score, fit) = self.at(rpm, 3)?;
-        // Two motors of one sense whose lines fall together may swing against each other, and leave other lines.
-        let may_hide = doubts.are_close || doubts.are_near && (is_near(rpm, doubts.length_s) || is_of_one);
-        if doubts.are_near && is_of_one && trial.touches {
-            return None;
-        }
         let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
-        let is_explained =
-            (is_clear || !may_hide && fit.left.iter().all(|left| *left < MOST_LEFT)) && !(is_of_one && fit.hides_one());
+        let is_explained = (is_clear || !doubts.are_close && fit.left.iter().all(|left| *left < MOST_LEFT))
+            && !(is_of_one && fit.hides_one());
         let is_hard_where_they_touch = is_of_one || cause.is_mixed() || cause == Cause::Reversed || !is_clear;
         let is_hard = doubts.are_alike || trial.touches && is_hard_where_they_touch;
         let by = score - label - if is_hard { MARGIN_WHERE_HARD - MARGIN } else { 0.0 };

@@ -99,9 +99,9 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     let own = labelled(data, zeroed)?;
     Ok(match label(&own) {
         Label::Right if own.is_vague() => {
-            let lacks = |model: &Labelled, own: &Labelled| other_sides(model, own);
             let sides = |model: &Labelled, own: &Labelled| {
-                lacks(model, own).filter(|_| is_of_any_stiffness(data, model, |other| lacks(other, own).is_some()))
+                let is_same = |other: &Labelled| other_sides(other, own).is_some();
+                other_sides(model, own).filter(|_| is_of_any_stiffness(data, model, is_same))
             };
             by_model(data, zeroed, &own, sides).map_or(Label::Right, Label::Wrong)
         }
@@ -170,7 +170,7 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok()?;
     let is_settled = zeroed.steady.as_ref()?.settled;
     let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
-        let leans_deg = leans(data, model, own).filter(|_| is_settled);
+        let leans_deg = if is_settled { leans(data, model, own) } else { None };
         let scaled = scaled(model, own).filter(|scaled| scaled.0 != 0 || is_scaled_yaw(data, model, own, *scaled));
         Some((turned_deg(model, own), leans_deg, scaled))
     })?;
