@@ -5,6 +5,8 @@ use sim::functions::powi;
 /// The line y = level + slope (x - middle) that is nearest to points.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Line {
+    /// Number of points.
+    pub count: f64,
     /// Mean of the abscissas.
     pub middle: f64,
     /// Mean of the ordinates.
@@ -26,7 +28,7 @@ impl Line {
         let (spread, along) = points.clone().fold((0.0, 0.0), |(spread, along), (x, y)| {
             (spread + powi(x - middle, 2), along + (x - middle) * (y - level))
         });
-        let line = Self { middle, level, slope: along / spread, spread, squares: 0.0 };
+        let line = Self { count, middle, level, slope: along / spread, spread, squares: 0.0 };
         Self { squares: points.map(|point| powi(line.off(point), 2)).sum(), ..line }
     }
 

@@ -18,7 +18,7 @@ const WAIT: &str = "let the robot come to rest, or give the plan a longer rest_a
 const LONG_PREROLL: &str = "give the plan a pre-roll of 20 s";
 const LONG_REST: &str = "give the plan a calibration of 5 s, or a pre-roll of 20 s";
 const AT_MOST: &str = "let the robot come to rest before the trial: see rest_at_most in the plan";
-const LONGER: &str = "let the robot rest longer before the run";
+const LONGER: &str = "let the robot rest longer before the run, or name an earlier start with --run";
 
 pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
 
