@@ -100,23 +100,15 @@ pub struct SwingSpeeds {
     pub measured_w2_uncertainty_rpm: Option<f64>,
     /// Why the speeds are unknown; `None` if they are known.
     pub not_measured: Option<&'static str>,
+    /// Both speeds over the time in which they were measured, rpm; empty if they are unknown.
+    #[serde(skip)]
+    pub over_time: Columns<2>,
 }
 
 impl SwingSpeeds {
     /// Returns unknown speeds with a reason.
     pub fn unknown(why: &'static str) -> Self {
         Self { not_measured: Some(why), ..Self::default() }
-    }
-
-    /// Returns these speeds with their uncertainties.
-    pub(super) fn told([one, two]: [(f64, f64); 2]) -> Self {
-        Self {
-            measured_w1_rpm: Some(one.0),
-            measured_w1_uncertainty_rpm: Some(one.1),
-            measured_w2_rpm: Some(two.0),
-            measured_w2_uncertainty_rpm: Some(two.1),
-            not_measured: None,
-        }
     }
 
     /// Returns the speeds, if both are known.
@@ -126,10 +118,7 @@ impl SwingSpeeds {
 
     /// Measures the speeds in a part of a run. If there is no such part, they are unknown, for the given reason.
     pub fn of(angles_deg: &Columns<3>, part_s: Result<Range<f64>, &'static str>) -> Self {
-        match part_s.and_then(|part_s| speeds(angles_deg, part_s, None)) {
-            Ok(speeds) => Self::told(speeds),
-            Err(why) => Self::unknown(why),
-        }
+        part_s.and_then(|part_s| speeds(angles_deg, part_s, None)).unwrap_or_else(Self::unknown)
     }
 }
 
@@ -178,7 +167,7 @@ struct Reading {
     fit: Fit,
 }
 
-/// Returns the speeds (rpm) of motors 1 and 2 with their 95 % uncertainties, optionally only if they are `near` those of a label.
+/// Returns the speeds of both motors, optionally only if they are `near` those of a label.
 ///
 /// # Errors
 /// The reason why they are unknown.
@@ -186,7 +175,7 @@ pub(super) fn speeds(
     angles_deg: &Columns<3>,
     settled_s: Range<f64>,
     near: Option<&Labelled>,
-) -> Result<[(f64, f64); 2], &'static str> {
+) -> Result<SwingSpeeds, &'static str> {
     let motion = Motion::of(angles_deg, settled_s.clone()).ok_or("the run is too short")?;
     if motion.stops().is_some() {
         return Err("the motors stop before the end of the run");
@@ -218,7 +207,15 @@ pub(super) fn speeds(
     }
     let (rates, swing_dps) = (fitter.rates(), fitter.swing_dps());
     let pull = |k: usize| pull_turns(&fit, k, swing_dps) * 60.0 / motion.length_s;
-    Ok([0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, hypot(uncertainty[k], pull(k)))))
+    let [one, two] = [0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, hypot(uncertainty[k], pull(k))));
+    Ok(SwingSpeeds {
+        measured_w1_rpm: Some(one.0),
+        measured_w1_uncertainty_rpm: Some(one.1),
+        measured_w2_rpm: Some(two.0),
+        measured_w2_uncertainty_rpm: Some(two.1),
+        not_measured: None,
+        over_time: fitter.speeds_rpm(&fit, settled_s.end),
+    })
 }
 
 /// Returns a fit near two frequencies, on times that follow wandering speeds.

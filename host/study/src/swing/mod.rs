@@ -304,7 +304,7 @@ fn said(better: &[Better]) -> Vec<Cause> {
 impl SwingSpeeds {
     /// Returns the speeds of a trial near those of its label, if the motion shows them.
     pub(crate) fn near(trial: &Labelled) -> Option<Self> {
-        blind::speeds(trial.angles_deg, trial.settled_s.clone(), Some(trial)).ok().map(Self::told)
+        blind::speeds(trial.angles_deg, trial.settled_s.clone(), Some(trial)).ok()
     }
 
     /// Returns the speeds with the uncertainty of motors without encoders, whose speeds wander.

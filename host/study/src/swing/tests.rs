@@ -35,7 +35,7 @@ impl Truth {
         Self::by(robot, rpm, SpeedProfile::from_points(&profile).unwrap())
     }
 
-    fn by(robot: &Robot, rpm: [f64; 2], profile: SpeedProfile) -> Self {
+    pub fn by(robot: &Robot, rpm: [f64; 2], profile: SpeedProfile) -> Self {
         let mut angles_deg: [Vec<f64>; 3] = Default::default();
         let trial = Trial::new(robot, Closure::Full, profile, Options { rate_hz: RATE_HZ, shapes: false }).unwrap();
         for sample in trial.map(Result::unwrap) {
@@ -114,8 +114,7 @@ impl Trace {
     fn label(&self, rpm: [f64; 2], settled_s: Range<f64>) -> Label {
         let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
         let touches = Robot::default().flagellum.mesh(rpm);
-        let told_rpm =
-            blind::speeds(&self.angles_deg, settled_s.clone(), None).ok().map(|told| told.map(|(rpm, _)| rpm));
+        let told_rpm = blind::speeds(&self.angles_deg, settled_s.clone(), None).ok().and_then(|told| told.rpm());
         label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone: false })
     }
 
@@ -124,6 +123,13 @@ impl Trace {
         let turned = |time_s: f64| self.turned_s[((time_s * RATE_HZ) as usize).min(self.turned_s.len() - 1)];
         (turned(part_s.end) - turned(part_s.start)) / (part_s.end - part_s.start)
     }
+}
+
+/// Returns both speeds with their uncertainties.
+fn both(speeds: &SwingSpeeds) -> [(f64, f64); 2] {
+    let u = speeds.measured_w1_uncertainty_rpm.zip(speeds.measured_w2_uncertainty_rpm).unwrap();
+    let rpm = speeds.rpm().unwrap();
+    [(rpm[0], u.0), (rpm[1], u.1)]
 }
 
 /// Returns whether one of the causes explains the difference of a label from the truth.
@@ -153,7 +159,7 @@ fn a_wrong_label_is_named_and_a_right_one_is_not() {
         let trace = Trace::of(&truth, way, seed);
         let [a, b] = truth.rpm;
         assert_eq!(trace.label([a, b], settled_s.clone()), Label::Right, "{way:?}");
-        let speeds = blind::speeds(&trace.angles_deg, settled_s.clone(), None).unwrap();
+        let speeds = both(&blind::speeds(&trace.angles_deg, settled_s.clone(), None).unwrap());
         assert!((0..2).all(|k| (speeds[k].0 - truth.rpm[k]).abs() < speeds[k].1 && speeds[k].1 < 0.3), "{speeds:?}");
         let factors =
             [0.5, 1.5, 2.0, 4.0, 6.0, 1.0 / 9.55, 1.0 / 60.0, least, 0.8, 1.3].map(|factor| [a * factor, b * factor]);
@@ -200,6 +206,7 @@ fn motors_that_wander_apart_are_told_alone_and_near_a_label() {
     let profile = SpeedProfile::from_points(&points).unwrap();
     let [from, to] = [SETTLING_S, 60.0].map(|t| profile.motors(t).map(|motor| motor.angle / TAU));
     let mean_rpm = [0, 1].map(|k| (to[k] - from[k]) / (60.0 - SETTLING_S) * 60.0);
+    let truth = profile.clone();
     let Trace { angles_deg, .. } = Trace::of(&Truth::by(&quick(), mean_rpm, profile), Way::Recorded, 4);
     let label = Labelled {
         angles_deg: &angles_deg,
@@ -211,11 +218,20 @@ fn motors_that_wander_apart_are_told_alone_and_near_a_label() {
         has_yaw_alone: false,
     };
     for near in [None, Some(&label)] {
-        let told = blind::speeds(&angles_deg, SETTLING_S..60.0, near).unwrap();
+        let speeds = blind::speeds(&angles_deg, SETTLING_S..60.0, near).unwrap();
+        let told = both(&speeds);
         assert!(
             (0..2).all(|k| (told[k].0 - mean_rpm[k]).abs() < told[k].1 && told[k].1 < 0.2),
             "{told:?}, {mean_rpm:?}"
         );
+        // Over the last seconds, of which the steady angles are, the speeds are others than in the mean.
+        let end_s = 49.0..60.0;
+        let [from, to] = [end_s.start, end_s.end].map(|t| truth.motors(t).map(|motor| motor.angle / TAU));
+        for (k, track) in speeds.over_time.tracks().into_iter().enumerate() {
+            let (rpm, at_the_end) = ((to[k] - from[k]) / 11.0 * 60.0, track.mean(end_s.clone()).unwrap());
+            assert!((at_the_end - rpm).abs() < 0.003 * rpm.abs(), "{at_the_end} instead of {rpm}");
+            assert!((told[k].0 - rpm).abs() > 0.01 * rpm.abs(), "{told:?}, {rpm}");
+        }
     }
     // Readings with other senses than the label's are not accepted.
     let other = Labelled { rpm: [-46.0, -26.0], ..label };
@@ -393,6 +409,7 @@ impl Told {
         let rpm = truth.rpm.map(|rpm| rpm * trace.speed(part_s));
         self.asked += 1;
         let Ok(speeds) = blind::speeds(&trace.angles_deg, part_s.clone(), None) else { return };
+        let speeds = both(&speeds);
         let errors = [0, 1].map(|k| (speeds[k].0 - rpm[k]).abs());
         if errors.iter().any(|error| *error > 1.0) {
             self.wrong += 1;

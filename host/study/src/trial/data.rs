@@ -318,15 +318,19 @@ impl Data {
         self.is_recorded() && self.settings().is_some_and(|settings| settings.speed_from == SpeedFrom::Duty)
     }
 
-    /// Replaces the commanded speeds by speeds measured from the swing.
+    /// Replaces the commanded speeds by those measured from the swing, and the turns by their integral. The first and the last
+    /// measured speed also hold before and after the measurement.
     pub(super) fn take_speeds(&mut self, measured: &SwingSpeeds) {
-        let [one, two] = self.planned_speeds().map(CentiRpm::rpm);
+        let commanded = self.planned_speeds().map(CentiRpm::rpm);
         let [_, w1, _, w2, turns1, turns2] = &mut self.motors.values;
-        for (rpm, commanded, columns) in
-            [(measured.measured_w1_rpm, one, [w1, turns1]), (measured.measured_w2_rpm, two, [w2, turns2])]
-        {
-            let Some(rpm) = rpm.filter(|_| commanded != 0.0) else { continue };
-            columns.into_iter().flatten().for_each(|value| *value *= rpm / commanded);
+        for (k, [rpm, turns]) in [[w1, turns1], [w2, turns2]].into_iter().enumerate() {
+            let told = measured.over_time.track(k);
+            for (i, time_s) in self.motors.time_s.iter().enumerate() {
+                let Some(told) = told.at(*time_s).filter(|_| commanded[k] != 0.0) else { break };
+                rpm[i] *= told / commanded[k];
+                let before = i.saturating_sub(1);
+                turns[i] = turns[before] + rpm[i] / 60.0 * (time_s - self.motors.time_s[before]);
+            }
         }
     }
 

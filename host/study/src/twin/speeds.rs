@@ -230,7 +230,67 @@ fn solve(mut rows: Vec<[f64; 3]>, mut right: Vec<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::board;
+    use crate::swing::tests::{RATE_HZ, Truth, quick};
+    use crate::trial::{Collector, Judged, Records, Want};
+    use biflag_log::schema::biflag::event::Kind;
+    use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry};
+    use biflag_log::{FORMAT, TrialMeta};
     use proptest::prelude::*;
+    use protocol::{Info, Settings, SpeedFrom};
+    use sim::body::attitude::of_euler_zyx;
+
+    /// The steady angles are those of the last seconds, so a replay has to turn as the motors did then.
+    #[test]
+    fn a_replay_without_encoders_turns_at_the_speeds_of_each_part_of_the_run() {
+        const REST_S: f64 = 5.0;
+        const RUN_S: f64 = 75.0;
+        let commanded = [44.0, -27.0];
+        let rpm = |t: f64| [41.2 * (1.0 - 0.0006 * t), -29.3 * (1.0 + 0.03 * (t / 14.0).sin())];
+        let points: Vec<_> =
+            (0..=150).map(|i| (0.5 * f64::from(i), if i == 0 { [0.0; 2] } else { rpm(0.5 * f64::from(i)) })).collect();
+        let truth = SpeedProfile::from_points(&points).unwrap();
+        let Truth { angles_deg, .. } = Truth::by(&quick(), commanded, truth.clone());
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        for (name, time_s) in [("preroll", 0.0), ("run", REST_S), ("end", REST_S + RUN_S)] {
+            collector.event(time_s, Kind::Phase, name);
+        }
+        for i in 0..((REST_S + RUN_S) * RATE_HZ) as usize {
+            let run = i.checked_sub((REST_S * RATE_HZ) as usize);
+            let q = of_euler_zyx([0, 1, 2].map(|k| run.map_or(0.0, |i| angles_deg[k][i].to_radians())));
+            let motor = |k: usize| {
+                let target_rpm = if run.is_some() { commanded[k] } else { 0.0 };
+                Some(Motor { target_rpm, speed_rpm: f64::NAN, turns: f64::NAN, ..Motor::default() })
+            };
+            collector.telemetry(&Telemetry {
+                time_s: i as f64 / RATE_HZ,
+                imu_fresh: true,
+                attitude: Some(Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
+                motor1: motor(0),
+                motor2: motor(1),
+                ..Telemetry::default()
+            });
+        }
+        let settings = Settings { speed_from: SpeedFrom::Duty, ..Settings::DEFAULT };
+        let [w1_rpm, w2_rpm] = commanded;
+        let records = Records {
+            board: Some(board::to_log(&Info::default(), &settings)),
+            trial: Some(TrialMeta { w1_rpm, w2_rpm, ..TrialMeta::default() }),
+            ..Records::default()
+        };
+        let Judged { data, .. } = Judged::of(collector.finish("a.mcap".as_ref(), records));
+        let replayed = profile(&data).unwrap();
+        let turned = |profile: &SpeedProfile, part_s: &Range<f64>| {
+            let [from, to] = [part_s.start, part_s.end].map(|t| profile.motors(t).map(|motor| motor.angle));
+            [0, 1].map(|k| to[k] - from[k])
+        };
+        for part_s in [16.0..30.0, 30.0..45.0, 45.0..60.0, 64.0..RUN_S - 0.1] {
+            let on_clock = part_s.start + REST_S..part_s.end + REST_S;
+            let (told, true_rad) = (turned(&replayed, &on_clock), turned(&truth, &part_s));
+            let is_near = |k: usize| (told[k] - true_rad[k]).abs() < 0.003 * true_rad[k].abs();
+            assert!(is_near(0) && is_near(1), "{part_s:?}: {told:?}, {true_rad:?}");
+        }
+    }
 
     /// Returns readings at 200 Hz of an encoder with 1204.44 counts per turn.
     fn encoder(angle: impl Fn(f64) -> f64, end_s: f64) -> Vec<Turns> {

@@ -233,11 +233,14 @@ pub enum Unjudged {
     Gaps,
     /// One of the two is a steady state.
     SteadyState,
+    /// One of the two is of motors without encoders. When they begin to turn depends on the bridge (half a second later, if it lets
+    /// them run freely), and nothing shows from which angles; both move the transient by degrees.
+    NoEncoders,
 }
 
 impl Unjudged {
     /// All reasons.
-    pub const ALL: [Self; 3] = [Self::Short, Self::Gaps, Self::SteadyState];
+    pub const ALL: [Self; 4] = [Self::Short, Self::Gaps, Self::SteadyState, Self::NoEncoders];
 
     /// Returns the reason as part of a sentence.
     pub fn text(self) -> &'static str {
@@ -245,6 +248,7 @@ impl Unjudged {
             Self::Short => "the run is too short to judge the transients",
             Self::Gaps => "gaps leave too little of the run to judge the transients",
             Self::SteadyState => "a steady state has no transient",
+            Self::NoEncoders => "without encoders the start of the motors is too little known to judge the transients",
         }
     }
 }

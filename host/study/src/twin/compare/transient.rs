@@ -57,10 +57,13 @@ impl Blocks {
     /// Divides the common run, whose steady end is `window`.
     ///
     /// # Errors
-    /// [`Unjudged`] if too few blocks are left before it, or there is only a steady state.
+    /// [`Unjudged`] if too few blocks are left before it, or no transient is known.
     pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Result<Self, Unjudged> {
         if pair.has_steady_state() {
             return Err(Unjudged::SteadyState);
+        }
+        if pair.measured.data.is_blind() || pair.modelled.data.is_blind() {
+            return Err(Unjudged::NoEncoders);
         }
         let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
         let count = (window.end / length_s + 1e-6).floor() as usize;

@@ -180,6 +180,7 @@ mod tests {
             (Unjudged::Short, "the run is too short to judge"),
             (Unjudged::Gaps, "gaps leave too little"),
             (Unjudged::SteadyState, "no transient"),
+            (Unjudged::NoEncoders, "without encoders"),
         ] {
             let without = agreeing().map(|angle| AngleComparison { transient: None, ..angle });
             let said = verdict(&Comparison { unjudged: Some(why), ..of(without, Sides::Recordings) });
