@@ -15,6 +15,7 @@ use jiff::{SignedDuration, Timestamp};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
+use std::time::SystemTime;
 
 /// A log may be older than its session by at most this time, because the computer's clock may have been set meanwhile.
 const CLOCK_STEP: SignedDuration = SignedDuration::from_mins(10);
@@ -244,7 +245,8 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
 impl Session {
     /// Returns a finding if the session began later than now: this computer's clock is behind.
     pub fn clock_behind(&self) -> Option<Finding> {
-        let now = Timestamp::now();
+        // `Timestamp::now` panics in a year beyond 9999.
+        let now = Timestamp::try_from(SystemTime::now()).unwrap_or(Timestamp::MAX);
         let begun = self.begun_after(now)?;
         let text = format!(
             "this computer's clock is behind: it is {now:.0} by it, and the session began on {begun}, so its logs will seem older"
