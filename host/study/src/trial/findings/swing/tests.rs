@@ -171,7 +171,7 @@ fn about(axis: Vector3<f64>, deg: f64) -> Turn {
     UnitQuaternion::from_scaled_axis(axis * deg.to_radians())
 }
 
-const FAULTS: [&str; 18] = [
+const FAULTS: [&str; 19] = [
     "inverse",
     "order x-y-z",
     "order z-x-y",
@@ -190,6 +190,7 @@ const FAULTS: [&str; 18] = [
     "flips of runs of rows",
     "two poses, a quarter of rows",
     "body about z by 40",
+    "run named late by 0.4 s",
 ];
 
 fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
@@ -211,6 +212,7 @@ fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
         "quarter right" => by_turn(rows, |_, q| q * about(z, -90.0)),
         "half" => by_turn(rows, |_, q| q * about(z, 180.0)),
         "body about z by 40" => by_turn(rows, |_, q| q * about(z, 40.0)),
+        "run named late by 0.4 s" => rows.iter().map(|(t, a)| (t - 0.4, *a)).collect(),
         "yaw x2" => scaled([2.0, 1.0, 1.0]),
         "yaw x0.5" => scaled([0.5, 1.0, 1.0]),
         "pitch x2" => scaled([1.0, 2.0, 1.0]),
