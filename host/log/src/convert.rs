@@ -4,7 +4,7 @@ use super::schema::biflag::event::Kind;
 use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use nalgebra::{Quaternion, UnitQuaternion};
 use protocol::frame::{MAX_FRAME, encode};
-use protocol::units::{SensorCounts, TemperatureCounts};
+use protocol::units::SensorCounts;
 use protocol::{Calibration, Command, Fault, Reply, Request, Settings, State, Telemetry};
 use sim::body::attitude::euler_zyx;
 use std::time::SystemTime;
@@ -76,10 +76,7 @@ impl Converter {
             gyro_counts: Some(counts(frame.gyro)),
             accel_counts: Some(counts(frame.accel)),
             temperature_c: frame.temperature.celsius(self.imu_id),
-            temperature_counts: {
-                let TemperatureCounts(counts) = frame.temperature;
-                counts.into()
-            },
+            temperature_counts: frame.temperature.0.into(),
             motor1: Some(motor1),
             motor2: Some(motor2),
             state: state(frame.state).into(),

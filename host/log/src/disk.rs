@@ -108,27 +108,21 @@ impl Disk {
     /// Waits until everything is written and synced. Returns the expected content of the file.
     pub fn finish(mut self) -> io::Result<Content> {
         self.stop();
-        match self.status.take_error() {
-            Some(error) => Err(error),
-            None => Ok(Content { length: self.length, crc: self.crc.clone().finalize() }),
-        }
+        let content = Content { length: self.length, crc: self.crc.clone().finalize() };
+        self.status.take_error().map_or(Ok(content), Err)
     }
 
     fn stop(&mut self) {
         self.jobs = None;
-        if let Some(thread) = self.thread.take() {
-            // The thread cannot panic.
-            let _ = thread.join();
-        }
+        // The thread cannot panic.
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 
     /// Sends a job. The thread ends early only after an error.
     fn send(&self, job: Job) -> io::Result<()> {
-        let sent = self.jobs.as_ref().map(|jobs| jobs.send(job));
-        match sent {
-            Some(Ok(())) => Ok(()),
-            _ => Err(self.status.take_error().unwrap_or_else(|| io::Error::other("an earlier write failed"))),
-        }
+        let sent = self.jobs.as_ref().and_then(|jobs| jobs.send(job).ok());
+        let earlier = || io::Error::other("an earlier write failed");
+        sent.ok_or_else(|| self.status.take_error().unwrap_or_else(earlier))
     }
 }
 

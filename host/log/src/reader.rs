@@ -120,17 +120,11 @@ impl Reader {
             }
         }
         // A program that rewrites a log may put the metadata at its end.
-        let identity = match reader.meta::<Identity>() {
-            None if !reader.scanner.is_original => last_table(open(path)?, Identity::NAME)
-                .map_err(|source| LogError::reading(path, source))?
-                .and_then(|table| {
-                    let identity = table::from_table(&table);
-                    reader.tables.insert(Identity::NAME.to_owned(), table);
-                    identity
-                }),
-            identity => identity,
-        };
-        match identity {
+        if !reader.scanner.is_original && reader.meta::<Identity>().is_none() {
+            let table = last_table(open(path)?, Identity::NAME).map_err(|source| LogError::reading(path, source))?;
+            reader.tables.extend(table.map(|table| (Identity::NAME.to_owned(), table)));
+        }
+        match reader.meta::<Identity>() {
             Some(identity) if identity.format > FORMAT => {
                 Err(LogError::Version { path: path.to_owned(), found: identity.format, program: identity.host_version })
             }

@@ -341,12 +341,8 @@ impl<R: Read + Seek> Scanner<R> {
 
     /// Returns the record at `at`; `None` if there cannot be one.
     fn record_at(&mut self, at: u64) -> io::Result<Option<RawRecord>> {
-        match self.head_at(at)? {
-            Some((op, length)) if length <= MAX_RECORD => {
-                Ok(Some(RawRecord { op, bytes: self.bytes(at, HEAD + length)? }))
-            }
-            _ => Ok(None),
-        }
+        let head = self.head_at(at)?.filter(|(_, length)| *length <= MAX_RECORD);
+        head.map(|(op, length)| Ok(RawRecord { op, bytes: self.bytes(at, HEAD + length)? })).transpose()
     }
 
     /// Returns operation code and length of the record at `at`; `None` if there cannot be one.

@@ -82,12 +82,8 @@ impl Writer {
         writer.meta(&start.plan)?;
         writer.meta(&start.trial)?;
         writer.meta(&start.robot)?;
-        if let Some(board) = &start.board {
-            writer.meta(board)?;
-        }
-        if let Some(sensor) = &start.sensor {
-            writer.meta(sensor)?;
-        }
+        start.board.iter().try_for_each(|board| writer.meta(board))?;
+        start.sensor.iter().try_for_each(|sensor| writer.meta(sensor))?;
         writer.flush()?;
         // Report a full disk now, not when the motors turn.
         writer.settle()?;
@@ -323,8 +319,7 @@ pub(super) fn add_channel<W: Write + Seek>(
     channel: &ChannelSpec,
 ) -> mcap::McapResult<()> {
     let schema = writer.add_schema(channel.schema, "protobuf", channel.descriptors)?;
-    writer.add_channel_with_id(channel.id, schema, channel.topic, "protobuf", &BTreeMap::new())?;
-    Ok(())
+    writer.add_channel_with_id(channel.id, schema, channel.topic, "protobuf", &BTreeMap::new()).map(drop)
 }
 
 pub(super) fn io_error(error: mcap::McapError) -> std::io::Error {

@@ -146,9 +146,7 @@ fn describe_setup(lines: &mut Lines, data: &Data) {
         let angles = board.angle_deg.map(|[one, two]| format!("{one:.1}° and {two:.1}° from their marks"));
         lines.add("flagella at", angles.unwrap_or_default());
     }
-    if let Some(clock) = &records.clock {
-        lines.add("clock", text::clock(clock));
-    }
+    lines.add("clock", records.clock.as_ref().map_or_else(String::new, text::clock));
 }
 
 /// Adds the steady state of a model, and the steady angles.

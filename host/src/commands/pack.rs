@@ -43,10 +43,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let what = format!("{}: is in the folder that is packed", out.display());
         return Err(wrong_use(what, "name a file in another folder with -o"));
     }
-    let about = About {
-        author: args.author.clone().unwrap_or_else(|| session.plan().operator.clone()),
-        license: args.license.clone().unwrap_or_default(),
-    };
+    let author = args.author.clone().unwrap_or_else(|| session.plan().operator.clone());
+    let about = About { author, license: args.license.clone().unwrap_or_default() };
     let progress = Progress::new(0.0);
     let packed = pack(&args.session, &out, &about, &progress)?;
     progress.finish();

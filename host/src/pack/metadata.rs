@@ -37,7 +37,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
         "" => json!("The authors state no licence."),
         id => json!({ "@id": format!("https://spdx.org/licenses/{id}") }),
     };
-    let author = (!about.author.trim().is_empty()).then(|| json!({ "@id": "#author" }));
+    let has_author = !about.author.trim().is_empty();
     let files: Vec<_> = content.entries.iter().map(|entry| json!({ "@id": address(&entry.name) })).collect();
     let is_log = |name: &str| name.starts_with("session/") && name.ends_with(".mcap");
     let logs = content.entries.iter().filter(|entry| is_log(&entry.name));
@@ -54,8 +54,8 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
         "hasPart": files,
         "mentions": { "@id": "#recording" },
     });
-    if let (Some(root), Some(author)) = (root.as_object_mut(), &author) {
-        root.insert("author".to_owned(), author.clone());
+    if has_author {
+        root["author"] = json!({ "@id": "#author" });
     }
     let mut graph = vec![
         json!({
@@ -82,7 +82,7 @@ fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -
             "startTime": session.created,
         }),
     ];
-    if author.is_some() {
+    if has_author {
         graph.push(json!({ "@id": "#author", "@type": "Person", "name": text::line(about.author.trim()) }));
     }
     if !about.license.is_empty() {

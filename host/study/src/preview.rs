@@ -97,12 +97,9 @@ impl fmt::Display for Preview {
 }
 
 fn findings(plan: &Plan, knows_angles: bool) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    if plan.sensor.is_none() {
-        let text = "the plan names no sensor file, so the sensor's errors are those of the data sheet";
-        let cure = "`biflag sensor` measures them, which makes the ± smaller";
-        findings.push(Finding::slight(FindingKind::Conduct, text, cure));
-    }
+    let text = "the plan names no sensor file, so the sensor's errors are those of the data sheet";
+    let cure = "`biflag sensor` measures them, which makes the ± smaller";
+    let sensor = plan.sensor.is_none().then(|| Finding::slight(FindingKind::Conduct, text, cure));
     let run =
         plan.note_on_run().map(|text| Finding::slight(FindingKind::Window, text, "set a longer run under [trial]"));
     let rest = plan.note_on_rest().map(|text| Finding::slight(FindingKind::Rest, text, ""));
@@ -110,8 +107,7 @@ fn findings(plan: &Plan, knows_angles: bool) -> Vec<Finding> {
     let angles = note_on_unknown_angles(&plan.trials).filter(|_| !knows_angles && !plan.has_phases());
     let angles = angles.map(|text| Finding::slight(FindingKind::Conduct, text, ""));
     let grid = note_on_grid(&plan.text).map(|text| Finding::slight(FindingKind::Conduct, text, ""));
-    findings.extend(run.into_iter().chain(rest).chain(angles).chain(grid));
-    findings
+    [sensor, run, rest, angles, grid].into_iter().flatten().collect()
 }
 
 #[cfg(test)]

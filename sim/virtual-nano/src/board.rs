@@ -113,12 +113,11 @@ impl Board {
         mcu.reset(start, ResetCause::PowerOn);
         let clock_error = mcu.devices().imu.source.part.errors.board_clock_error;
         mcu.devices_mut().resonator.set_error(0, clock_error);
-        let state = RunState::Running;
         Ok(Self {
             mcu,
             start,
             static_bytes: None,
-            state,
+            state: RunState::Running,
             vcc_mv: SUPPLY_MV,
             bandgap_mv: BANDGAP_MV,
             events: Vec::new(),

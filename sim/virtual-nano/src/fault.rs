@@ -63,9 +63,7 @@ const SUPPLY: Kind = Kind(
     "supply",
     &[("MILLIVOLT", 4100.0, [0.0, 6000.0])],
     "the chip's supply voltage is MILLIVOLT",
-    |board, [mv, ..]| {
-        board.set_supply_mv(mv as u32);
-    },
+    |board, [mv, ..]| board.set_supply_mv(mv as u32),
 );
 
 const PUSH: Kind = Kind(
@@ -134,9 +132,7 @@ const OTHERS: &[Kind] = &[
         "slips",
         &[MOTOR],
         "a blocked flagellum slips: one edge of each encoder channel per second",
-        |board, [motor, ..]| {
-            board.rig_mut().motors[index(motor)].hold(Rotor::Slips);
-        },
+        |board, [motor, ..]| board.rig_mut().motors[index(motor)].hold(Rotor::Slips),
     ),
     Kind(
         "stiction",
@@ -197,17 +193,13 @@ const OTHERS: &[Kind] = &[
         "sensor-clock",
         &[percent(1.0, 20.0)],
         "the sensor's oscillator is PERCENT too fast",
-        |board, [percent, ..]| {
-            board.change_imu(|imu| imu.oscillator_error = percent / 100.0);
-        },
+        |board, [percent, ..]| board.change_imu(|imu| imu.oscillator_error = percent / 100.0),
     ),
     Kind(
         "scale",
         &[percent(3.0, 50.0)],
         "gyroscope and accelerometer read PERCENT too much",
-        |board, [percent, ..]| {
-            board.change_imu(|imu| imu.source.part.scale = percent / 100.0);
-        },
+        |board, [percent, ..]| board.change_imu(|imu| imu.source.part.scale = percent / 100.0),
     ),
     Kind(
         "askew",

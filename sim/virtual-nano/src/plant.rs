@@ -130,9 +130,7 @@ impl Plant {
     /// Reads the board's motors at a time (s). At the end of a window, the simulator advances by another.
     pub fn follow(&mut self, time_s: f64, motors: &[Motor; 2]) {
         while self.failure.is_none() && time_s >= self.end_s() {
-            if let Err(problem) = self.advance_window(time_s, motors) {
-                self.failure = Some(problem);
-            }
+            self.failure = self.advance_window(time_s, motors).err();
         }
     }
 

@@ -4,7 +4,7 @@
 //! [`CONTOUR_NODES`] along both axes have them.
 
 use super::panel::{Axis, Panel, tick_text};
-use super::sheet::{FONT_PT, INK, MM, Sheet, Stroke, short};
+use super::sheet::{FONT_PT, INK, MM, Sheet, Stroke, short, straight};
 use crate::swept::CONTOUR_NODES;
 use crate::viridis::colour;
 use study::statistics::distinct;
@@ -174,10 +174,7 @@ fn contours(sheet: &mut Sheet, panel: &Panel, grid: &Grid, levels: &[f64], marks
         .map(|level| (*level, grid.contour(*level).into_iter().map(|ends| ends.map(at)).collect()))
         .collect();
     for (_, segments) in &lines {
-        let line = |[[x0, y0], [x1, y1]]: &[[f64; 2]; 2]| {
-            format!("M{} {}L{} {}", short(*x0), short(*y0), short(*x1), short(*y1))
-        };
-        sheet.path(&segments.iter().map(line).collect::<String>(), Stroke("#ffffff", 0.7, ""));
+        sheet.path(&segments.iter().copied().map(straight).collect::<String>(), Stroke("#ffffff", 0.7, ""));
     }
     let mut labels: Vec<[f64; 2]> = Vec::new();
     for (level, segments) in &lines {

@@ -1,7 +1,7 @@
 //! Predicted against measured steady angles, with 95 % bars of the measurement and the model's own error.
 
 use super::panel::{Axis, Panel};
-use super::sheet::{FONT_PT, INK, MEASURED, MM, Sheet, Stroke, short};
+use super::sheet::{FONT_PT, INK, MEASURED, MM, Sheet, Stroke, straight};
 use study::text::{capitalised, decimal};
 use study::twin::{Comparison, Sides};
 
@@ -53,10 +53,8 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
         for Mark { at, bars, is_known } in marks {
             let [x, y] = panel.at(at[0], at[1]);
             let [dx, dy] = [bars[0] / (axis.high - axis.low) * size, bars[1] / (axis.high - axis.low) * size];
-            let bar =
-                |a: [f64; 2], b: [f64; 2]| format!("M{} {}L{} {}", short(a[0]), short(a[1]), short(b[0]), short(b[1]));
-            sheet.path(&bar([x - dx, y], [x + dx, y]), Stroke(MEASURED, 0.6, ""));
-            sheet.path(&bar([x, y - dy], [x, y + dy]), Stroke(MEASURED, 0.6, ""));
+            sheet.path(&straight([[x - dx, y], [x + dx, y]]), Stroke(MEASURED, 0.6, ""));
+            sheet.path(&straight([[x, y - dy], [x, y + dy]]), Stroke(MEASURED, 0.6, ""));
             let (fill, edge) = if is_known { (MEASURED, Stroke("#ffffff", 0.3, "")) } else { OPEN };
             sheet.dot([x, y], 1.4, fill, edge);
         }

@@ -66,8 +66,8 @@ impl Sheet {
     }
 
     /// Draws a straight rod with a dark rim along its sides.
-    pub fn rod(&mut self, [[x1, y1], [x2, y2]]: [[f64; 2]; 2], width: f64, is_round: bool, [r, g, b]: [u8; 3]) {
-        let d = format!("M{} {}L{} {}", short(x1), short(y1), short(x2), short(y2));
+    pub fn rod(&mut self, ends: [[f64; 2]; 2], width: f64, is_round: bool, [r, g, b]: [u8; 3]) {
+        let d = straight(ends);
         let cap = if is_round { "round" } else { "butt" };
         let rim = format!("#{:02x}{:02x}{:02x}", r / 3, g / 3, b / 3);
         let colour = format!("#{r:02x}{g:02x}{b:02x}");
@@ -133,6 +133,11 @@ impl Sheet {
         }
         .into_string()
     }
+}
+
+/// Returns the path of a straight line between two points.
+pub(super) fn straight([[x1, y1], [x2, y2]]: [[f64; 2]; 2]) -> String {
+    format!("M{} {}L{} {}", short(x1), short(y1), short(x2), short(y2))
 }
 
 /// Returns a coordinate to a hundredth of a point.

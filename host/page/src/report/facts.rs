@@ -4,7 +4,7 @@ use super::parameters;
 use super::scroll::scrolled;
 use super::text::{clip, count, degrees, number, plain};
 use super::view::{ModelRobot, View};
-use biflag_log::{BoardMeta, Identity, ImportMeta};
+use biflag_log::{BoardMeta, Identity, ImportMeta, ReplayMeta};
 use maud::{Markup, html};
 use sim::trial::quantity::{self, Place};
 use study::text::{rest as rest_text, word};
@@ -62,15 +62,9 @@ pub(super) fn files(view: &View) -> Markup {
         let (name, file) = records.robot.as_ref().map_or(("", ""), |robot| (&robot.name, &robot.text));
         tables.push((format!("Parameters of {whose}: robot {name}"), &model.parameters, name, file));
     }
-    if let Some(robot) = &records.robot {
-        files.push((format!("Robot file {} of the plan", robot.name), &robot.text));
-    }
-    if let Some(board) = &records.board {
-        files.push(("Board settings".to_owned(), &board.settings));
-    }
-    if let Some(plan) = &records.plan {
-        files.push(("Plan".to_owned(), &plan.text));
-    }
+    files.extend(records.robot.as_ref().map(|robot| (format!("Robot file {} of the plan", robot.name), &robot.text)));
+    files.extend(records.board.as_ref().map(|board| ("Board settings".to_owned(), &board.settings)));
+    files.extend(records.plan.as_ref().map(|plan| ("Plan".to_owned(), &plan.text)));
     html! {
         @for (title, text, name, file) in tables {
             @if !text.is_empty() {
@@ -97,12 +91,9 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
-        if let Some(rest) = &records.rest {
-            facts.push(("Rest before", rest_text(rest)));
-        }
-        if let Some([one, two]) = trial.phase_deg.map(|phase| phase.map(plain)) {
-            facts.push(("Motors start at", format!("{one}° and {two}°")));
-        }
+        facts.extend(records.rest.as_ref().map(|rest| ("Rest before", rest_text(rest))));
+        let angles = trial.phase_deg.map(|phase| phase.map(plain));
+        facts.extend(angles.map(|[one, two]| ("Motors start at", format!("{one}° and {two}°"))));
     }
     if let Some(identity) = &records.identity {
         let Identity { host_version, host_git_hash, protocol, .. } = identity;
@@ -133,19 +124,14 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     }
     let angles = view.angles.as_ref().filter(|_| !view.is_model());
     facts.extend(angles.map(|angles| ("Speeds by the swing", angles.measured.to_string())));
-    if let Some(robot) = &records.robot {
-        facts.push(("Robot of the recording", robot.name.clone()));
-    }
+    facts.extend(records.robot.as_ref().map(|robot| ("Robot of the recording", robot.name.clone())));
     if let (Some(calibration), false) = (&records.calibration, view.is_model()) {
         let [x, y, z] = calibration.bias_counts.map(|counts| number(counts.into(), 1));
         facts.push(("Gyroscope bias", format!("{x}, {y}, {z} counts, from {} readings", calibration.samples)));
     }
-    if let (Some(clock), false) = (&records.clock, view.is_model()) {
-        facts.push(("Clock of the board", study::text::clock(clock)));
-    }
-    if view.is_recorded() {
-        facts.push(("Link", view.link.to_string()));
-    }
+    let clock = records.clock.as_ref().filter(|_| !view.is_model());
+    facts.extend(clock.map(|clock| ("Clock of the board", study::text::clock(clock))));
+    facts.extend(view.is_recorded().then(|| ("Link", view.link.to_string())));
     if let Some(import) = &records.import {
         let ImportMeta { source, source_sha256, columns, .. } = import;
         facts.push(("Imported from", format!("{source}, SHA-256 {source_sha256}")));
@@ -164,13 +150,11 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
 /// Returns the other log of the comparison, and the alignment of both.
 fn compared(view: &View) -> Vec<(&'static str, String)> {
     let Some(comparison) = &view.comparison else { return Vec::new() };
-    let mut facts = Vec::new();
-    facts.push(("Compared with", comparison.modelled.display().to_string()));
+    let mut facts = vec![("Compared with", comparison.modelled.display().to_string())];
     if let Some(ModelRobot { robot, model, replay }) = &view.model_robot {
         facts.push(("Robot of the model", format!("{}, closure {}", robot.name, word(&model.closure))));
-        if let Some(replay) = replay {
-            facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
-        }
+        let source = |replay: &ReplayMeta| ("Model driven by", format!("the measured speeds in {}", replay.source));
+        facts.extend(replay.as_ref().map(source));
     }
     facts.push(("Offset removed, this log", angles(comparison.measured_zero_deg)));
     facts.push(("Offset removed, the other log", angles(comparison.modelled_zero_deg)));

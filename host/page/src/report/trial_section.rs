@@ -238,19 +238,14 @@ fn charts(view: &View) -> Markup {
 
 fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
     let mut entries = vec![Entry::new("c-measured", view.own_name(), "own")];
-    if let Some(other) = view.other_name() {
-        entries.push(Entry::new("dash c-model", other, "model"));
-    }
-    if view.has_truth {
-        entries.push(Entry::new("dots c-truth", "truth", "truth"));
-    }
+    entries.extend(view.other_name().map(|other| Entry::new("dash c-model", other, "model")));
+    entries.extend(view.has_truth.then(|| Entry::new("dots c-truth", "truth", "truth")));
     entries.extend(Entry::range(view.curves.attitude_range_s));
     if is_yaw && view.curves.has_uncertainty {
         entries.push(Entry::new("edges c-measured", "95 % uncertainty", "uncertainty"));
     }
-    if let Some(other) = view.other_name() {
-        entries.push(Entry::new("c-model", &format!("below: {other} minus {}", view.own_name()), ""));
-    }
+    let below = |other: &str| Entry::new("c-model", &format!("below: {other} minus {}", view.own_name()), "");
+    entries.extend(view.other_name().map(below));
     entries
 }
 

@@ -227,10 +227,7 @@ impl Link {
         let received = match &self.server {
             Server::Thread { .. } => self.events.recv_timeout(timeout),
             Server::Own(worker) => self.events.recv_timeout(Duration::ZERO).or_else(|nothing| {
-                if !timeout.is_zero() && step(worker) {
-                    return self.events.recv_timeout(Duration::ZERO);
-                }
-                Err(nothing)
+                if !timeout.is_zero() && step(worker) { self.events.recv_timeout(Duration::ZERO) } else { Err(nothing) }
             }),
         };
         match received {
@@ -296,9 +293,7 @@ impl Drop for Link {
             Server::Thread { thread, .. } => {
                 // A closed channel of requests makes the thread stop the motors.
                 (self.requests, _) = channel();
-                if let Some(thread) = thread.take() {
-                    let _ = thread.join();
-                }
+                let _ = thread.take().map(JoinHandle::join);
             }
             Server::Own(worker) => drop(worker.take().map(|worker| worker.end())),
         }

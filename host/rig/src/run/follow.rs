@@ -38,15 +38,11 @@ pub fn follow<E: From<RecordError>>(
     mut take: impl FnMut(&RawReading, &mut Writer) -> Result<bool, E>,
 ) -> Result<Followed, E> {
     let mut stream = Stream::start(link, settings, interrupted)?;
+    let mut step = || stream.next(log)?.map_or(Ok(true), |reading| take(&reading, log));
     let outcome = loop {
-        match stream.next(log) {
-            Ok(None) => {}
-            Ok(Some(reading)) => match take(&reading, log) {
-                Ok(true) => {}
-                Ok(false) => break Ok(()),
-                Err(error) => break Err(error),
-            },
-            Err(error) => break Err(error.into()),
+        match step() {
+            Ok(true) => {}
+            ended => break ended,
         }
     };
     let ended = link.command(Command::Stream { rate_hz: 0 });

@@ -7,11 +7,11 @@
 use super::error::RecordError;
 use super::recorder::{Frame, Recorder};
 use super::still;
-use super::trial::{RigRun, RunContext, calibrate, record};
+use super::trial::{RigRun, RunContext, calibrate, record, ticks_us};
 use crate::link::Asked;
 use biflag_log::{EventKind, LogError, Start, SteerMeta};
 use protocol::units::CentiRpm;
-use protocol::{Command, Reply, Settings, TICK_HZ};
+use protocol::{Command, Reply, Settings};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 use study::attitude::Columns;
@@ -102,18 +102,12 @@ fn rest(recorder: &mut Recorder, context: &mut RunContext, trial: &Trial) -> Res
             let has_slope = span.end - span.start >= SHORTEST_SLOPE_S;
             let dps = if has_slope { yaw.track(0).rate(span).unwrap_or_default() } else { 0.0 };
             if has_slope {
-                recorder
-                    .notes
-                    .push(format!("the drift of the yaw before the run, {dps:+.4} °/s, was taken off while steering"));
+                let note = format!("the drift of the yaw before the run, {dps:+.4} °/s, was taken off while steering");
+                recorder.notes.push(note);
             }
             return Ok(DriftRate { dps, zero_us: frame.board_us });
         }
     }
-}
-
-/// Returns a duration in whole ticks of the board, µs.
-fn ticks_us(seconds: f64) -> u64 {
-    (seconds * f64::from(TICK_HZ)).round() as u64 * TICK_US
 }
 
 /// Records until a time of the board's clock.
@@ -250,12 +244,9 @@ impl Course<'_, '_> {
         let Some(sent) = &mut self.sent else { return Ok(()) };
         if let Some(answer) = sent.request.as_ref().and_then(|request| self.recorder.link.answer(request)) {
             sent.request = None;
-            match answer? {
-                Reply::Done => {}
-                other => {
-                    let command = Command::SetSpeeds(sent.set_point.speeds);
-                    return Err(self.recorder.link.wrong_answer(&command, &other).into());
-                }
+            let (command, answer) = (Command::SetSpeeds(sent.set_point.speeds), answer?);
+            if answer != Reply::Done {
+                return Err(self.recorder.link.wrong_answer(&command, &answer).into());
             }
         }
         let is_later = frame.board_us > sent.times.observed_us;

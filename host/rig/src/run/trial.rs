@@ -103,15 +103,11 @@ pub(super) fn record(
     let writable = !matches!(phases, Err(RecordError::Log(_)));
     let mut error = stop(&mut recorder, phases, writable).err();
     if writable {
-        if let Err(failure) = recorder.end_truth() {
-            error.get_or_insert(failure);
-        }
+        error = error.or(recorder.end_truth().err());
         for text in recorder.health.warnings() {
             recorder.trial.event(EventKind::Warning, &text, SystemTime::now())?;
         }
-        if error.is_none() {
-            error = recorder.health.disturbed_hz().map(RecordError::Disturbed);
-        }
+        error = error.or_else(|| recorder.health.disturbed_hz().map(RecordError::Disturbed));
         let slowest = recorder.trial.log.slowest_write();
         if slowest > SLOW_DISK {
             let text = format!("the disk was slow: a write took {:.1} s; nothing was lost", slowest.as_secs_f64());
@@ -184,6 +180,11 @@ fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool
     first_failure(outcome, recorder.drain(has_failed))
 }
 
+/// Returns a duration in whole ticks of the board, µs.
+pub(super) fn ticks_us(seconds: f64) -> u64 {
+    (seconds * f64::from(TICK_HZ)).round() as u64 * TICK_US
+}
+
 /// Waits until the robot is still, calibrates the gyroscope, and starts the schedule. Returns the board's clock at its start,
 /// µs.
 fn begin(
@@ -198,25 +199,24 @@ fn begin(
     recorder.begin()?;
     let waits = still::wait(recorder, context.progress, trial)?;
     let begun_us = recorder.rested_us;
-    if trial.phases.calibrate_s > 0.0 {
-        // Before the start: a refusal must come before the motors turn.
-        let calibrated_s = calibrate(recorder, context, trial, trial.speeds != [CentiRpm(0); 2])?;
-        let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
-        let start_us = schedule::start(recorder, count, planned_us)?;
-        if start_us > planned_us {
-            let late_s = (start_us - planned_us) as f64 * 1e-6;
-            let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
-            recorder.event(EventKind::Note, &text)?;
-            recorder.notes.push(text);
-        }
-        Ok(start_us)
-    } else {
+    if trial.phases.calibrate_s <= 0.0 {
         let start_us = schedule::start(recorder, count, begun_us)?;
         if !waits {
             recorder.skip_to(start_us)?;
         }
-        Ok(start_us)
+        return Ok(start_us);
     }
+    // Before the start: a refusal must come before the motors turn.
+    let calibrated_s = calibrate(recorder, context, trial, trial.speeds != [CentiRpm(0); 2])?;
+    let planned_us = begun_us + ticks_us(calibrated_s);
+    let start_us = schedule::start(recorder, count, planned_us)?;
+    if start_us > planned_us {
+        let late_s = (start_us - planned_us) as f64 * 1e-6;
+        let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
+        recorder.event(EventKind::Note, &text)?;
+        recorder.notes.push(text);
+    }
+    Ok(start_us)
 }
 
 /// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this function follows them.

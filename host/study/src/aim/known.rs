@@ -55,10 +55,8 @@ fn slight(reason: String) -> Doubt {
 fn doubts(robot: &Robot, fit: &Fit) -> Vec<Doubt> {
     let mut reasons = Vec::new();
     if fit.lacks_correlations {
-        reasons.push(
-            "an earlier version wrote the robot file, without correlations: fit again with `biflag calibrate`"
-                .to_owned(),
-        );
+        let reason = "an earlier version wrote the robot file, without correlations: fit again with `biflag calibrate`";
+        reasons.push(reason.to_owned());
     }
     if fit.closure != Closure::Full {
         let closure = format!("{:?}", fit.closure).to_lowercase();

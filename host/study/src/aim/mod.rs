@@ -200,11 +200,9 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
         nearest = found.first().filter(is_nearer).cloned().or(nearest);
         let mut new: Vec<Found> = Vec::new();
         for candidate in found.into_iter().filter(|candidate| candidate.trial.error <= REACHED) {
-            let before = solutions.iter().map(|(_, solution)| solution.state.rpm());
-            if before
-                .chain(new.iter().map(|other| other.trial.rpm))
-                .all(|rpm| distance(rpm, candidate.trial.rpm) > APART)
-            {
+            let of_new = new.iter().map(|other| other.trial.rpm);
+            let mut others = solutions.iter().map(|(_, solution)| solution.state.rpm()).chain(of_new);
+            if others.all(|rpm| distance(rpm, candidate.trial.rpm) > APART) {
                 new.push(candidate);
             }
         }

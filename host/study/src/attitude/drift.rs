@@ -186,20 +186,16 @@ impl Drift {
     /// if the biases about x and y are unknown.
     pub fn covariance(&self, times: &[f64]) -> Option<DMatrix<f64>> {
         let walk = powi(self.angle_walk, 2);
-        self.knows_lateral.then(|| {
-            DMatrix::from_fn(times.len(), times.len(), |i, j| {
-                let common = (times[i].min(times[j]) - self.from_s).max(0.0);
-                self.covariance_of_drift(times[i], times[j]) + walk * common
-            })
-        })
+        let between = |i: usize, j: usize| {
+            let common = (times[i].min(times[j]) - self.from_s).max(0.0);
+            self.covariance_of_drift(times[i], times[j]) + walk * common
+        };
+        self.knows_lateral.then(|| DMatrix::from_fn(times.len(), times.len(), between))
     }
 
     /// Interpolates the covariance on the grid.
     fn covariance_of_drift(&self, one_s: f64, other_s: f64) -> f64 {
-        let ([i, j], [a, b]) = {
-            let (one, other) = (self.place(one_s), self.place(other_s));
-            ([one.0, other.0], [one.1, other.1])
-        };
+        let ((i, a), (j, b)) = (self.place(one_s), self.place(other_s));
         let last = self.covariance.nrows() - 1;
         let at = |i: usize, j: usize| self.covariance[(i.min(last), j.min(last))];
         let along = |i: usize| (1.0 - b) * at(i, j) + b * at(i, j + 1);

@@ -3,9 +3,10 @@
 use super::table::{Rows, Table};
 use crate::attitude::{Reading, Track, euler_deg, rotation};
 use crate::plan::RobotFile;
+use crate::program::FULL_VERSION;
 use crate::text::{origin, word};
 use crate::trial::{Data, FRAME, Judged, TRUTH, Zeroed};
-use biflag_log::ImportMeta;
+use biflag_log::{ImportMeta, TrialMeta};
 use sim::trial::quantity::{FLAGELLA, sample_columns};
 use std::ops::Range;
 
@@ -150,15 +151,9 @@ fn phase(data: &Data, time_s: f64) -> &str {
 }
 
 fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
-    let trial = data.trial();
+    let TrialMeta { name, w1_rpm, w2_rpm, .. } = data.trial();
     let mut lines = vec![
-        format!(
-            "biflag {}: trial {} at {} and {} rpm",
-            crate::program::FULL_VERSION,
-            trial.name,
-            trial.w1_rpm,
-            trial.w2_rpm
-        ),
+        format!("biflag {FULL_VERSION}: trial {name} at {w1_rpm} and {w2_rpm} rpm"),
         format!("log {}, {}", data.path.display(), origin(data.origin())),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
@@ -172,10 +167,8 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         format!("imported from {source}, SHA-256 {source_sha256}: {columns}")
     }));
     lines.extend(data.truth.interval_s().map(|interval_s| {
-        format!(
-            "truth_*: the simulated robot at the time of the angles, linear between its states every {:.1} ms",
-            interval_s * 1e3
-        )
+        let ms = interval_s * 1e3;
+        format!("truth_*: the simulated robot at the time of the angles, linear between its states every {ms:.1} ms")
     }));
     if data.is_model() {
         lines.push("modelled angles have no correction: the robot starts upright with a yaw of zero".to_owned());

@@ -94,11 +94,8 @@ impl ScheduledEvent {
     }
 
     fn reversal(reverse: Reverse, run_start_s: f64, speeds: [CentiRpm; 2]) -> Self {
-        Self {
-            start_s: run_start_s + reverse.after_s,
-            change: Change::Reversal(reverse),
-            setpoint: Setpoint { state: State::Running, target: reverse.of(speeds) },
-        }
+        let setpoint = Setpoint { state: State::Running, target: reverse.of(speeds) };
+        Self { start_s: run_start_s + reverse.after_s, change: Change::Reversal(reverse), setpoint }
     }
 }
 

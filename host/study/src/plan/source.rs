@@ -182,11 +182,8 @@ impl Source<'_> {
         if let Some((key, value)) = self.setting(span.start) {
             let written = shorten(format!("{key} = {value}").trim_end());
             if let Some(point) = decimal_point(value) {
-                return self.error(
-                    span,
-                    format!("{written}: TOML has no decimal comma"),
-                    format!("write {key} = {point}"),
-                );
+                let what = format!("{written}: TOML has no decimal comma");
+                return self.error(span, what, format!("write {key} = {point}"));
             }
             if let Some(number) = without_unit(value) {
                 let cure = (self.kind.help)(key).map_or_else(|| format!("write {key} = {number}"), str::to_owned);

@@ -349,11 +349,8 @@ pub fn pair(i: usize, j: usize) -> String {
 fn check(kind: &Kind, key: &str, estimate: Estimate, source: &Source) -> Result<(), PlanError> {
     let name = kind.name;
     if !kind.keys.has(key) {
-        return Err(source.error_at(
-            [name, key, "value"],
-            format!("unknown key `{key}` in {name}"),
-            kind.keys.example(),
-        ));
+        let what = format!("unknown key `{key}` in {name}");
+        return Err(source.error_at([name, key, "value"], what, kind.keys.example()));
     }
     let Estimate { value, u } = estimate;
     let limit = kind.limit;

@@ -271,10 +271,8 @@ impl Session {
             let path = self.folder.join(format!("{}{suffix}.mcap", trial.name));
             path.symlink_metadata().is_err().then_some((number, path))
         });
-        free.ok_or_else(|| SessionError::Io {
-            path: self.folder.clone(),
-            source: std::io::Error::other(format!("too many attempts at {}", trial.name)),
-        })
+        let too_many = || std::io::Error::other(format!("too many attempts at {}", trial.name));
+        free.ok_or_else(|| SessionError::Io { path: self.folder.clone(), source: too_many() })
     }
 
     /// Returns the states of trials of the plan, from these logs.

@@ -47,13 +47,7 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
     let mut created = None::<String>;
     for name in log_names(folder)? {
         let log = folder.join(name);
-        let found = match plan_of(&log) {
-            Ok(found) => found,
-            Err(reason) => {
-                unreadable.push(reason);
-                continue;
-            }
-        };
+        let Ok(found) = plan_of(&log).map_err(|reason| unreadable.push(reason)) else { continue };
         logs += 1;
         let of_log =
             Reader::open(&log).ok().and_then(|reader| reader.meta()).map(|identity: Identity| identity.created);

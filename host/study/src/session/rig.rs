@@ -46,13 +46,9 @@ impl Session {
             return other(format!("with {was}"), format!("with {is}"));
         }
         let firmware = |board: &BoardMeta| format!("{} ({})", board.firmware, board.firmware_git_hash);
-        Ok((firmware(&before) != firmware(now)).then(|| {
-            format!(
-                "the trials so far ran with firmware {}, the next ones will run with {}",
-                firmware(&before),
-                firmware(now)
-            )
-        }))
+        let [was, is] = [&before, now].map(firmware);
+        let note = || format!("the trials so far ran with firmware {was}, the next ones will run with {is}");
+        Ok((was != is).then(note))
     }
 }
 

@@ -73,13 +73,8 @@ impl Folder {
     /// # Errors
     /// [`SweepError::Other`] if the folder has the sweep of another plan, or of another version of the results.
     pub fn of_plan(path: &Path, plan: SweepPlan) -> Result<Self, SweepError> {
-        let manifest = Manifest {
-            results: RESULTS,
-            robot_name: plan.robot.name.clone(),
-            robot: plan.robot.text.clone(),
-            plan: plan.text.clone(),
-        };
-        manifest.put_into(path)?;
+        let RobotFile { name: robot_name, text: robot } = plan.robot.clone();
+        Manifest { results: RESULTS, robot_name, robot, plan: plan.text.clone() }.put_into(path)?;
         Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, RESULTS)? })
     }
 

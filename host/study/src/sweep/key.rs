@@ -119,11 +119,7 @@ pub fn number(robot: &Value, key: &str) -> Option<f64> {
 
 /// Returns a numeric value.
 pub fn real(value: &Value) -> Option<f64> {
-    match value {
-        Value::Float(number) => Some(*number),
-        Value::Integer(number) => Some(*number as f64),
-        _ => None,
-    }
+    value.as_float().or_else(|| Some(value.as_integer()? as f64))
 }
 
 /// Sets the number at an existing dotted key of the robot. An integer key takes whole numbers.

@@ -157,14 +157,11 @@ impl SweepPlan {
 
 /// Refuses settings that would change the steady state of a trial but that a sweep does not support.
 fn check_constant(table: &TrialTable, source: &Source) -> Result<(), PlanError> {
+    let count = "give the number of starting phases instead, such as phases = 4";
     for (key, span, cure) in [
         ("reverse", table.reverse.as_ref().map(Spanned::span), "leave it out: a point has constant speeds"),
         ("hand_turn", table.hand_turn.as_ref().map(Spanned::span), "leave it out: a point has no hand"),
-        (
-            "phase_deg",
-            table.phase_deg.as_ref().map(Spanned::span),
-            "give the number of starting phases instead, such as phases = 4",
-        ),
+        ("phase_deg", table.phase_deg.as_ref().map(Spanned::span), count),
     ] {
         if let Some(span) = span {
             return Err(source.error(span, format!("a sweep has no {key}"), cure));

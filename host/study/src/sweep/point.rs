@@ -126,9 +126,8 @@ impl Sweep {
                 hash.update(value.to_le_bytes());
             }
         }
-        let mut name = [0; 16];
-        name.copy_from_slice(&hash.finalize()[..16]);
-        Name(name)
+        let hash = hash.finalize();
+        Name(std::array::from_fn(|i| hash[i]))
     }
 
     /// Returns the unknown points of a shard, with their names.

@@ -26,15 +26,13 @@ pub fn read_table(path: &Path) -> Result<Table, SweepError> {
 /// Why it cannot be read.
 pub fn columns_of(path: &Path) -> Result<Table, String> {
     let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
-    match is_parquet {
-        true => {
-            let mut table = parquet::read(File::open(path).map_err(|error| error.to_string())?)?;
-            let names: Vec<_> = table.columns.iter().map(|column| column.name.clone()).collect();
-            table.header.retain(|line| names.iter().all(|name| described(line, name).is_none()));
-            Ok(table)
-        }
-        false => of_csv(&std::fs::read_to_string(path).map_err(|error| error.to_string())?),
+    if !is_parquet {
+        return of_csv(&std::fs::read_to_string(path).map_err(|error| error.to_string())?);
     }
+    let mut table = parquet::read(File::open(path).map_err(|error| error.to_string())?)?;
+    let names: Vec<_> = table.columns.iter().map(|column| column.name.clone()).collect();
+    table.header.retain(|line| names.iter().all(|name| described(line, name).is_none()));
+    Ok(table)
 }
 
 /// Returns the table in the text of a CSV. Its comments state the units; a column without a comment is numeric if all

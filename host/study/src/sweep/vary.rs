@@ -251,13 +251,8 @@ fn check_alone(entry: &Entry, axis: &Axis, axes: &[Axis], source: &Source) -> Re
     match &axis.key {
         Key::Robot(key) => {
             let mut groups = axes.iter().filter_map(|axis| axis.key.group());
-            match groups.find(|group| group.moves(key)) {
-                Some(group) => {
-                    let group = group.name();
-                    wrong(format!("{name} follows from {group}"), format!("vary either {name} or {group}"))
-                }
-                None => Ok(()),
-            }
+            let Some(group) = groups.find(|group| group.moves(key)).map(Group::name) else { return Ok(()) };
+            wrong(format!("{name} follows from {group}"), format!("vary either {name} or {group}"))
         }
         Key::Speed(motor) if !axes.iter().any(|axis| axis.key == Key::Speed(1 - motor)) => {
             let other = Key::Speed(1 - motor);

@@ -77,14 +77,11 @@ impl Recording {
             return Err(incomplete("fewer than two samples"));
         }
         let gyro_at_rest = gyro_at_rest.unwrap_or_else(|| bias(&samples));
-        Ok(Self {
-            accel_range: accel_range
-                .ok_or_else(|| incomplete("no comment `accel full scale +-N g` with 2, 4, 8 or 16"))?,
-            gyro_range: gyro_range
-                .ok_or_else(|| incomplete("no comment `gyro full scale +-N deg/s` with 250, 500, 1000 or 2000"))?,
-            samples,
-            gyro_at_rest,
-        })
+        let accel_range =
+            accel_range.ok_or_else(|| incomplete("no comment `accel full scale +-N g` with 2, 4, 8 or 16"))?;
+        let gyro_range = gyro_range
+            .ok_or_else(|| incomplete("no comment `gyro full scale +-N deg/s` with 250, 500, 1000 or 2000"))?;
+        Ok(Self { accel_range, gyro_range, samples, gyro_at_rest })
     }
 
     /// Returns the seconds from the first sample to the last.

@@ -126,11 +126,8 @@ impl Response {
             _ => 0,
         };
         let (before, then) = (mean_gyro(&driven.before), mean_gyro(during));
-        Self {
-            encoders: [0, 1].map(|motor| Travel::of(during, motor)),
-            gyro: [0, 1, 2].map(|axis| then[axis] - before[axis]),
-            glitches,
-        }
+        let encoders = [0, 1].map(|motor| Travel::of(during, motor));
+        Self { encoders, gyro: [0, 1, 2].map(|axis| then[axis] - before[axis]), glitches }
     }
 }
 

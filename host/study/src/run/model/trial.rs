@@ -97,8 +97,7 @@ pub fn write_log(
     let schedule = Schedule::planned(trial);
     let mut recorder = Recorder::start(model, plan, trial, (&schedule, None), (1, path))?;
     recorder.record(samples.iter().cloned().map(Ok), &|_| true)?;
-    recorder.complete(steady)?;
-    Ok(())
+    Ok(recorder.complete(steady)?)
 }
 
 struct Recorder<'a> {

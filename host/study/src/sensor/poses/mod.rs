@@ -116,11 +116,9 @@ impl PosesWatch {
     /// # Errors
     /// [`NotMeasured`] if poses are missing.
     pub fn result(&self, placement_deg: f64) -> Result<PosesResult, NotMeasured> {
-        let mut poses = [Mean::default(); 6];
-        for (pose, kept) in poses.iter_mut().zip(&self.poses) {
-            *pose = kept.ok_or_else(|| self.incomplete())?;
-        }
-        evaluate(&poses, placement_deg).ok_or_else(|| self.incomplete())
+        let poses: Vec<Mean> = self.poses.iter().flatten().copied().collect();
+        let all = poses.as_array();
+        all.and_then(|poses| evaluate(poses, placement_deg)).ok_or_else(|| self.incomplete())
     }
 }
 
