@@ -44,15 +44,15 @@
 //!
 //! | part | free | light | hard | `physical` |
 //! | --- | --- | --- | --- | --- |
-//! | residuals, with the flow of the rods, `Flagellum::update_residual` | 26 % | 25 % | 23 % | 23 % |
-//! | frames and elastic forces, `StepProblem::update_forces` | 13 % | 9 % | 9 % | 12 % |
-//! | products with the frozen inverse, `Flagellum::correct` | 10 % | 11 % | 9 % | 9 % |
-//! | moving the shapes, `Flagellum::apply_product` | 3 % | 4 % | 3 % | 3 % |
-//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 4 % | 9 % | 0 % |
-//! | search for close edges, `BroadPhase::search` | 6 % | 9 % | 8 % | 6 % |
-//! | least gap of every step, `BroadPhase::least_distance` | 7 % | 2 % | 1 % | 4 % |
-//! | frozen inverses, `Equations::invert` | 0 % | 0 % | 1 % | 0 % |
-//! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 11 % |
+//! | residuals, with the flow of the rods, `Flagellum::update_residual` | 30 % | 31 % | 25 % | 25 % |
+//! | frames and elastic forces, `StepProblem::update_forces` | 10 % | 9 % | 7 % | 10 % |
+//! | products with the frozen inverse, `Flagellum::precondition` | 13 % | 13 % | 12 % | 12 % |
+//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 3 % | 8 % | 0 % |
+//! | search for close edges, `BroadPhase::search` | 8 % | 8 % | 8 % | 7 % |
+//! | least gap of every step, `BroadPhase::least_distance` | 8 % | 2 % | 2 % | 5 % |
+//! | moving the shapes, `Flagellum::apply` | 3 % | 5 % | 5 % | 3 % |
+//! | frozen inverses, `Equations::invert` | 1 % | 0 % | 1 % | 1 % |
+//! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 13 % |
 //!
 //! Printed, for one column, by
 //! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/biflag simulate --speeds 90,90 --duration 1200 --robot

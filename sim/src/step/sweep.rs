@@ -1,7 +1,7 @@
 //! The sweeps of a step: flagellum 1, flagellum 2, contact, base, until all of them agree.
 //!
-//! When all of them agree, both flagella move with the last correction of the base. If they waited for the next step, the
-//! error left by two sweeps would let the attitude wander by some thousandths of a degree.
+//! Both flagella move with the base as soon as it is corrected. If they waited for the next sweep, the error left by two
+//! sweeps would let the attitude wander by some thousandths of a degree.
 
 use super::body::BodySolve;
 use super::contact::{ContactChange, Contacts};
@@ -12,7 +12,6 @@ use super::problem::StepProblem;
 use super::report::StepFailure;
 use super::surroundings::Surroundings;
 use super::unknowns;
-use crate::V3;
 use crate::anderson::Anderson;
 use crate::body::Body;
 use crate::fluid::Line;
@@ -99,18 +98,15 @@ impl Sweeps {
             if contact || accelerated {
                 self.update_forces(problem, body);
             }
-            let change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { V3::zeros() };
+            let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
 
-            match convergence.judge(sweep, errors, Changes { rate: change.norm(), flow: flow_change }) {
+            match convergence.judge(sweep, errors, Changes { rate: rate_change, flow: flow_change }) {
                 Verdict::Continue => {}
                 Verdict::Stalled => break,
+                Verdict::Converged if self.contacts.complete(problem, &mut self.flagella) => {
+                    return Ok(Converged { sweeps: sweep + 1, residual });
+                }
                 Verdict::Converged => {
-                    if problem.model.two_way() {
-                        self.follow_base(problem, body, change);
-                    }
-                    if self.contacts.complete(problem, &mut self.flagella) {
-                        return Ok(Converged { sweeps: sweep + 1, residual });
-                    }
                     self.update_forces(problem, body);
                     convergence.restart(sweep);
                 }
@@ -158,7 +154,8 @@ impl Sweeps {
             let flagellum = &mut self.flagella[k];
             let size = flagellum.update_residual(&problem.model.rods[k], &motion[k], &self.sources, lever);
             residual = residual.max(size);
-            flagellum.correct(problem.inverses[k]);
+            flagellum.precondition(problem.inverses[k]);
+            flagellum.apply_correction();
             // With contact, forces are updated after the contact's half of the sweep.
             if !contact {
                 problem.update_forces(flagellum, k, &body.body);
@@ -205,19 +202,16 @@ impl Sweeps {
         }
     }
 
-    /// Corrects the base's rate. Returns its change, rad/s.
-    fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<V3, StepFailure> {
+    /// Corrects the base's rate, and both flagella by their response to it. Returns the rate's change, rad/s.
+    fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<f64, StepFailure> {
         let moment = problem.flagella_moment(&self.flagella, &body.body) + self.surroundings.induced_moment();
-        body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)
-    }
-
-    /// Corrects both flagella by their response to a change of the base's rate, rad/s.
-    fn follow_base(&mut self, problem: &StepProblem, body: &BodySolve, change: V3) {
+        let change = body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)?;
         for (k, flagellum) in self.flagella.iter_mut().enumerate() {
             let (velocity, rotation) = problem.base_motion(k, change);
             flagellum.follow_base(problem.inverses[k], velocity, rotation);
         }
         self.update_forces(problem, body);
+        Ok(change.norm())
     }
 
     fn unknowns(&self, body: &BodySolve) -> Vec<f64> {
