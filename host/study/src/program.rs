@@ -1,6 +1,7 @@
 //! Version of the program, and the commit that it was built from.
 
 use biflag_log::{FORMAT, Identity, Origin};
+use jiff::Timestamp;
 use std::time::SystemTime;
 
 /// Version of the program.
@@ -26,9 +27,14 @@ pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     }
 }
 
-/// Returns a time as text. A time out of range becomes the last time that can be written.
+/// Returns a time as text.
 pub fn timestamp(time: SystemTime) -> String {
-    jiff::Timestamp::try_from(time).unwrap_or(jiff::Timestamp::MAX).to_string()
+    instant(time).to_string()
+}
+
+/// Returns a time that can be written: beyond the year 9999, the last one. `Timestamp::now` panics there.
+pub fn instant(time: SystemTime) -> Timestamp {
+    Timestamp::try_from(time).unwrap_or(Timestamp::MAX)
 }
 
 /// Returns whether a log was written by the same build of this program.

@@ -7,6 +7,7 @@
 
 use super::{Session, SessionError, attempt_number, difference, log_names};
 use crate::plan::{Plan, RobotFile};
+use crate::program;
 use crate::trial::{Finding, FindingKind};
 use biflag_log::{
     BoardMeta, Identity, LogError, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, TrialMeta,
@@ -245,8 +246,7 @@ fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Opti
 impl Session {
     /// Returns a finding if the session began later than now: this computer's clock is behind.
     pub fn clock_behind(&self) -> Option<Finding> {
-        // `Timestamp::now` panics in a year beyond 9999.
-        let now = Timestamp::try_from(SystemTime::now()).unwrap_or(Timestamp::MAX);
+        let now = program::instant(SystemTime::now());
         let begun = self.begun_after(now)?;
         let text = format!(
             "this computer's clock is behind: it is {now:.0} by it, and the session began on {begun}, so its logs will seem older"
