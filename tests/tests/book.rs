@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 use tests::markdown::Page;
-use tests::{program, signal, wait_for_line};
+use tests::{bare_nano, program, signal, wait_for_line};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
@@ -83,13 +83,45 @@ fn every_page_is_in_the_summary_or_in_a_page() {
 
 /// A folder in which the commands of a page run, and the board on which they do.
 struct Reader {
-    folder: TempDir,
     nano: Option<VirtualNano>,
+    /// Another rig and its board.
+    other: Option<(&'static Rig, VirtualNano)>,
+    folder: TempDir,
+    /// The commands that ran, and what they said.
+    said: Vec<(String, String)>,
+}
+
+/// An emulated rig other than the default one.
+struct Rig {
+    name: &'static str,
+    bridge: &'static str,
+    speed_from: &'static str,
+    /// What the first test of the motors says, before the board knows its rig.
+    before: &'static str,
+    /// What the test of the motors says then.
+    after: &'static str,
+    /// Beginnings of the commands that need encoders, their exit codes and what they say.
+    refused: &'static [(&'static str, i32, &'static str)],
 }
 
 impl Reader {
     fn new() -> Self {
-        Self { folder: TempDir::new().unwrap(), nano: None }
+        Self { folder: TempDir::new().unwrap(), nano: None, other: None, said: Vec::new() }
+    }
+
+    /// Returns a reader with another rig. Its board has the program already, and no settings; it is faster than real time, for
+    /// which avrdude is too slow, so that `flash` has a board of its own.
+    fn with(rig: &'static Rig) -> Self {
+        let new = Self::new();
+        let eeprom = new.folder.path().join("eeprom.bin");
+        fs::write(&eeprom, [0xff; 1024]).unwrap();
+        // Without encoders, the swing of a robot tells the speeds.
+        let board = ["--speed", "max", "--rig", rig.name, "--robot", "published", "--eeprom", eeprom.to_str().unwrap()];
+        Self { other: Some((rig, bare_nano(board))), ..new }
+    }
+
+    fn rig(&self) -> Option<&'static Rig> {
+        self.other.as_ref().map(|(rig, _)| *rig)
     }
 
     /// Returns the port of a board that is new: it has a bootloader and no program.
@@ -99,9 +131,11 @@ impl Reader {
     }
 
     /// Follows a page: writes its files, and runs its commands one after the other. They end with exit code 0 or 3, unless the
-    /// comment after them says another.
+    /// comment after them says another, or the rig does not have what they need.
     fn follow(&mut self, name: &str) -> usize {
         let mut count = 0;
+        // A page begins with a board that has no program.
+        self.nano = None;
         for code in page(&book().join(name)).code {
             if let Some(file) = code.file {
                 let mut text = code.text.clone();
@@ -124,13 +158,27 @@ impl Reader {
                 let (command, comment) = line.split_once(" #").unwrap_or((line, ""));
                 let command = command.trim();
                 if command.starts_with("biflag ") {
-                    let codes: &[i32] = match comment.trim() {
-                        "exit code 1" => &[1],
+                    let refused = self.rig().and_then(|rig| rig.refused.iter().find(|row| command.starts_with(row.0)));
+                    let codes: &[i32] = match (refused, comment.trim()) {
+                        (Some((_, code, _)), _) => std::slice::from_ref(code),
+                        (None, "exit code 1") => &[1],
                         // Nobody presses a key.
                         _ if command.starts_with("biflag live") || command.starts_with("biflag align") => &[130],
                         _ => &[0, 3],
                     };
-                    self.run(command, codes);
+                    let said = self.run(command, codes);
+                    if let Some((_, _, why)) = refused {
+                        assert!(said.contains(why), "{command}: {said}");
+                    }
+                    if let Some(rig) = self.rig().filter(|_| comment.contains("then change bridge and speed_from")) {
+                        let file = self.folder.path().join(command.split("> ").nth(1).unwrap());
+                        let text = fs::read_to_string(&file).unwrap();
+                        let text = text.replace("bridge = \"enable\"", &format!("bridge = {:?}", rig.bridge));
+                        let text =
+                            text.replace("speed_from = \"encoders\"", &format!("speed_from = {:?}", rig.speed_from));
+                        fs::write(file, text).unwrap();
+                    }
+                    self.said.push((command.to_owned(), said));
                     count += 1;
                 } else {
                     let word = command.split(' ').next().unwrap();
@@ -143,7 +191,7 @@ impl Reader {
     }
 
     /// Runs a command in a shell. The emulated board stands for the one that is plugged in.
-    fn run(&mut self, line: &str, codes: &[i32]) {
+    fn run(&mut self, line: &str, codes: &[i32]) -> String {
         let words: Vec<&str> = line.split(' ').collect();
         let has = |word: &str| words.iter().any(|other| other.starts_with(word));
         let needs_board = match words[1] {
@@ -153,15 +201,21 @@ impl Reader {
             _ => false,
         };
         let mut line = line.to_owned();
-        if has("/dev/ttyUSB0") {
-            line = line.replace("/dev/ttyUSB0", &self.port());
-        } else if needs_board {
+        if needs_board || has("/dev/ttyUSB0") {
+            let other = self.other.as_ref().filter(|_| words[1] != "flash").map(|(_, nano)| nano.port().to_owned());
+            let port = other.unwrap_or_else(|| self.port());
             let verb = format!("biflag {}", words[1]);
-            line = line.replacen(&verb, &format!("{verb} --port {}", self.port()), 1);
+            line = match has("/dev/ttyUSB0") {
+                true => line.replace("/dev/ttyUSB0", &port),
+                false => line.replacen(&verb, &format!("{verb} --port {port}"), 1),
+            };
         }
         if has("--motors") {
             // Nobody is there to answer.
             line += " --yes";
+        }
+        if let Some(rig) = self.rig().filter(|_| has("--virtual")) {
+            line += &format!(" --rig {}", rig.name);
         }
         if line.starts_with("biflag sensor turn") {
             // One turn each way stands for three.
@@ -183,6 +237,7 @@ impl Reader {
         let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         let code = output.status.code();
         assert!(code.is_some_and(|code| codes.contains(&code)), "{line}: {code:?}\n{said}");
+        said
     }
 }
 
@@ -210,6 +265,66 @@ fn commands_of_a_robot_of_your_own() {
 fn commands_at_the_bench() {
     assert!(Reader::new().follow("bench.md") >= 12);
     assert!(Reader::new().follow("phase.md") >= 5);
+}
+
+/// The commands of the chapter about the bench, and of the one about angles, on another rig.
+fn commands_with(rig: &'static Rig) {
+    let mut reader = Reader::with(rig);
+    assert!(reader.follow("bench.md") >= 12);
+    assert!(reader.follow("phase.md") >= 5);
+    reader.said.iter().for_each(|(line, said)| println!("$ {line}\n{said}"));
+    let tests: Vec<usize> = (0..reader.said.len()).filter(|&i| reader.said[i].0.contains("--motors")).collect();
+    let [before, after] = tests[..] else { panic!("{tests:?}") };
+    assert!(reader.said[before].1.contains(rig.before) && reader.said[after].1.contains(rig.after));
+    // A board that knows its rig has no advice for another one.
+    let aligns = reader.said[after..].iter().any(|(_, said)| said.contains("`biflag align"));
+    assert_eq!(aligns, rig.speed_from == "encoders");
+}
+
+#[test]
+fn commands_with_a_bridge_of_two_inputs() {
+    commands_with(&Rig {
+        name: "in-in",
+        bridge: "in-in",
+        speed_from: "encoders",
+        before: "bridge = \"in-in\"",
+        after: "rpm backwards at full duty",
+        refused: &[],
+    });
+}
+
+/// What cannot be done without encoders.
+const REFUSED: &[(&str, i32, &str)] = &[
+    ("biflag align", 1, "the motors of this board have no encoders"),
+    ("biflag record phases.toml", 1, "the motors of this board have no encoders"),
+    ("biflag info phases", 2, "no such log"),
+    ("biflag record glycerin.toml --virtual --fault encoder-open", 2, "no encoders"),
+];
+
+#[test]
+#[ignore = "minutes of the emulated board: part of `make proof`"]
+fn commands_without_encoders() {
+    commands_with(&Rig {
+        name: "duty",
+        bridge: "enable",
+        speed_from: "duty",
+        before: "speed_from = \"duty\"",
+        after: "kept for board",
+        refused: REFUSED,
+    });
+}
+
+#[test]
+#[ignore = "minutes of the emulated board: part of `make proof`"]
+fn commands_without_encoders_and_a_bridge_of_two_inputs() {
+    commands_with(&Rig {
+        name: "duty-in-in",
+        bridge: "in-in",
+        speed_from: "duty",
+        before: "bridge = \"in-in\"",
+        after: "kept for board",
+        refused: REFUSED,
+    });
 }
 
 #[test]

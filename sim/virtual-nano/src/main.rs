@@ -1,6 +1,7 @@
 //! `vnano`: the emulated board as a program. Its first line on standard output names the port.
 
 use clap::Parser;
+use clap::error::ErrorKind;
 use serde_json::json;
 use sim::params::Robot;
 use std::error::Error;
@@ -141,7 +142,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     for Timed { fault, at_s } in &arguments.faults {
         if let Some(problem) = fault.refused_by(&board) {
-            return Err(problem.into());
+            // Ends as clap does with a wrong value.
+            clap::Error::raw(ErrorKind::ValueValidation, format!("invalid value for '--fault': {problem}\n")).exit();
         }
         match at_s {
             Some(at_s) => board.inject_at(*at_s, *fault),

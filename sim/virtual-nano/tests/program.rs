@@ -294,7 +294,7 @@ fn bad_input_is_named_and_has_its_exit_code() {
         (vec!["--firmware", image, "--fault", "blocked=3"], 2, "MOTOR must be from 1 to 2, not 3"),
         (vec!["--firmware", image, "--who-am-i", "0x168"], 2, "byte"),
         (vec!["--firmware", image, "--rig", "l298n"], 2, "the rigs are encoders, duty, in-in, duty-in-in"),
-        (vec!["--firmware", image, "--rig", "duty", "--fault", "tone"], 1, "start with --rig encoders or --rig in-in"),
+        (vec!["--firmware", image, "--rig", "duty", "--fault", "tone"], 2, "start with --rig encoders or --rig in-in"),
         (vec!["--firmware", image, "--sensor", "usual"], 2, "usual: No such file"),
         (vec!["--firmware", image, "--sensor", &sensor], 2, "sensor.toml: gyro_scale must be from -0.5 to 0.5, not 3"),
         (vec!["--firmware", image, "--imu", &csv, "--sensor", "typical"], 2, "cannot be used with"),

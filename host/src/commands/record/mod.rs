@@ -121,7 +121,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         connected => connected?,
     };
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
-    let board = board::to_log(link.info(), &settings::read(&link)?);
+    let settings = settings::read(&link)?;
+    let board = board::to_log(link.info(), &settings);
     let sensor = robot.as_ref().map(|robot| &robot.sensor);
     let open = || -> miette::Result<_> {
         let (session, lock, states) = open(args.resume, &folder, &plan)?;
@@ -149,7 +150,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let rig = Rig { link, interrupted: &interrupted, robot, lines, typed, session, plan, origin, viewers };
     begin(&todo, origin).iter().for_each(|begin| progress.line(begin));
     note.into_iter().chain(notes).for_each(|note| progress.line(&format!("note: {note}")));
-    rig.say_what_is_known(board.angle_deg.is_some(), &recorded, &progress);
+    // Without encoders, no command makes the angles known.
+    let knows_angles = board.angle_deg.is_some() || settings.speed_from == SpeedFrom::Duty;
+    rig.say_what_is_known(knows_angles, &recorded, &progress);
     rig.viewers.session(&recorded.trials, todo.first());
     rig.viewers.open().iter().for_each(|line| progress.line(line));
     let ended = rig.record(&todo, player.as_mut(), &mut recorded, &mut progress);

@@ -39,8 +39,7 @@ pub(super) struct Rig<'a> {
 impl Rig<'_> {
     /// Prints the findings about the plan, the session and its logs before the first trial.
     pub fn say_what_is_known(&self, knows_angles: bool, recorded: &Recorded, progress: &Progress) {
-        // Without encoders, no command makes the angles known.
-        let preview = Preview::of(&self.plan, knows_angles || self.lines.is_some());
+        let preview = Preview::of(&self.plan, knows_angles);
         let findings = self.session.clock_behind().into_iter().chain(preview.findings);
         findings.for_each(|finding| progress.line(&finding_line(None, &finding)));
         recorded.say_left_out(progress);
