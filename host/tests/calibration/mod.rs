@@ -11,11 +11,12 @@ mod hidden;
 
 use biflag_log::{BoardMeta, Condition, Identity, MeasuredSensorMeta, ModelMeta, Origin};
 use hidden::{Draw, Hidden, Part};
+use host::plan::board;
 use host::sensor::{AXES, Estimate, MeasuredSensor};
 use host::trial::{Data, Judged};
 use host::twin::calibrate::{Calibration, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
-use protocol::Settings;
+use protocol::{Info, Settings, SpeedFrom};
 use sim::params::{Glycerol, Robot, Tank};
 
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
@@ -329,6 +330,48 @@ fn find_phases(phase_deg: [f64; 2], speeds: &[[f64; 2]]) {
         "{found:?}"
     );
     assert!(calibration.rmse_after_deg < 0.5 * calibration.rmse_before_deg, "{calibration:?}");
+}
+
+/// Returns a trial as a board without encoders records it, which only knows the commanded speeds.
+fn without_encoders(mut trial: Data, commanded_rpm: [f64; 2]) -> Data {
+    let settings = Settings { speed_from: SpeedFrom::Duty, ..Settings::DEFAULT };
+    trial.records.board = Some(board::to_log(&Info::default(), &settings));
+    let meta = trial.records.trial.as_mut().unwrap();
+    [meta.w1_rpm, meta.w2_rpm] = commanded_rpm;
+    let run = trial.times.run.clone();
+    let [target1, w1, target2, w2, ..] = &mut trial.motors.values;
+    for (rpm, of_motor) in commanded_rpm.into_iter().zip([[target1, w1], [target2, w2]]) {
+        for column in of_motor {
+            let each = column.iter_mut().zip(&trial.motors.time_s);
+            each.for_each(|(value, time_s)| *value = if run.contains(time_s) { rpm } else { 0.0 });
+        }
+    }
+    trial
+}
+
+/// The angles at which the flagella began to turn are not measured, and the commanded speeds are not those of the motors.
+#[test]
+fn trials_without_encoders_are_fitted_where_the_swing_tells_their_speeds() {
+    let mut draw = Draw(5);
+    let mut robot = Robot::published();
+    robot.flagellum.phase_deg = [70.0, -110.0];
+    robot.joint.tether_full_nm_per_rad *= 1.0713;
+    robot.fluid.viscosity_pa_s = 0.9137;
+    let truths = [robot.joint.tether_full_nm_per_rad, robot.fluid.viscosity_pa_s];
+    let hidden = Hidden { robot, ..Hidden::default() };
+    let trials = [[47.3, -28.1], [-37.2, 61.9]]
+        .map(|speeds| without_encoders(hidden.trial(speeds, &mut draw), [speeds[0] * 1.08, speeds[1] * 0.94]));
+    let fit = |parameters: &[Parameter]| fitted(&Robot::published(), parameters, &trials);
+    let told = fit(&[Parameter::Tether, Parameter::Viscosity]).unwrap();
+    for (estimate, truth) in told.parameters.iter().zip(truths) {
+        let [low, high] = estimate.interval_95;
+        println!("{} {:.4e} (truth {truth:.4e}), {low:.4e} to {high:.4e}", estimate.name, estimate.value);
+        assert!((low..=high).contains(&truth) && high < 1.15 * low, "{estimate:?}");
+    }
+    assert!(told.misfits.is_empty() && told.cannot_tell.is_empty(), "{told:?}");
+    assert!(told.warnings.iter().any(|text| text.contains("intervals may be too narrow")), "{told:?}");
+    let error = fit(&[Parameter::Phase]).unwrap_err().to_string();
+    assert!(error.contains("does not matter at the speeds"), "{error}");
 }
 
 #[test]

@@ -40,12 +40,14 @@ pub struct FitTrial {
     /// The trial's robot and the closure of its model.
     pub(super) robot: Result<Robot, TwinError>,
     pub(super) closure: Option<Closure>,
-    /// The ratio of the speeds, if it is simple: the phase of the flagella then matters.
+    /// The ratio of the speeds, if it is simple and encoders keep it: the phase of the flagella then matters.
     pub(super) ratio: Option<Ratio>,
     /// Whether it was recorded on a rig, with unknown starting angles of the flagella.
     pub(super) is_of_rig: bool,
     /// Number of the board and of its start. Its encoders count from that start.
     pub(super) board_start: Option<[u16; 2]>,
+    /// Number of blocks of the run before the first one: how motors without encoders begin to turn is not measured.
+    pub(super) before: usize,
     pub(super) measured: Blocks,
     pub(super) errors: TrialErrors,
     /// Viscosity and density of the trial's fluid, relative to the fitted robot's.
@@ -75,14 +77,15 @@ impl FitTrial {
             TwinError::unusable(data, Unusable { reason: reason.to_owned(), help })
         };
         data.check().map_err(|error| TwinError::unusable(data, error))?;
-        if zeroed.steady.is_none() {
-            return Err(unusable("contains no attitude in its run"));
-        }
+        let Some(steady) = &zeroed.steady else { return Err(unusable("contains no attitude in its run")) };
         let run = &zeroed.run;
+        let told_s = data.is_blind().then(|| steady.measured(&zeroed.angles_deg).over_time.span().start);
+        let before = told_s.map_or(0, |told_s| ((told_s - run.start) / BLOCK_S).ceil() as usize);
+        let start = run.start + before as f64 * BLOCK_S;
         let end = zeroed.span().end.min(data.duration_s);
-        let count = ((end - run.start) / BLOCK_S).floor() as usize;
-        let block = |i: usize| run.start + i as f64 * BLOCK_S..run.start + (i + 1) as f64 * BLOCK_S;
-        let middle = |i: usize| run.start + (i as f64 + 0.5) * BLOCK_S;
+        let count = ((end - start) / BLOCK_S).floor() as usize;
+        let block = |i: usize| start + i as f64 * BLOCK_S..start + (i + 1) as f64 * BLOCK_S;
+        let middle = |i: usize| start + (i as f64 + 0.5) * BLOCK_S;
         let means =
             |track: crate::attitude::Track| DVector::from_fn(count, |i, _| track.mean(block(i)).unwrap_or_default());
         let centres: Vec<f64> = (0..count).map(middle).collect();
@@ -109,6 +112,7 @@ impl FitTrial {
             }),
         };
         let measured = zeroed.angles_deg.tracks().map(means);
+        let errors = TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S);
         Ok(Self {
             name: data.trial().name,
             path: data.path.clone(),
@@ -120,11 +124,12 @@ impl FitTrial {
             is_real: data.is_real(),
             robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),
-            ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
+            ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)).filter(|_| !data.is_blind()),
             is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
-            errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),
+            errors: if data.is_blind() { errors.with_swing(&measured) } else { errors },
+            before,
             measured,
             fluid: [1.0; 2],
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,
@@ -152,7 +157,7 @@ impl FitTrial {
         let mut blocks: [Vec<f64>; 3] = Default::default();
         let mut sums = [0.0; 3];
         // Samples are in the middle of the run's steps, so that their mean is the block's mean.
-        let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
+        let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize + self.before * SAMPLES;
         let trial =
             Trial::with_solver(Solver::sharing(&robot, closure, at_rest).ok()?, self.profile.clone(), options).ok()?;
         for (i, sample) in trial.enumerate().skip(first).take(self.blocks() * SAMPLES) {

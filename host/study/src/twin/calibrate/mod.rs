@@ -1,7 +1,7 @@
 //! Estimates a robot's parameters from its trials by least squares between model and experiment.
 //!
-//! Yaw, pitch and roll of every trial are averaged over blocks of half a second, from the start of the run to the end
-//! of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
+//! Yaw, pitch and roll of every trial are averaged over blocks of half a second, from the start of the run (without encoders:
+//! from where the swing tells the speeds) to the end of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
 //! relative to their start, angles in radians.
 //!
 //! The errors of a sensor (scale, axes, sensitivity to gravity, mounting, the clock of its board) are the same in all

@@ -28,7 +28,7 @@ pub(super) fn with_both(requested: &[Parameter], trials: &[FitTrial]) -> Result<
         return Ok(requested.to_vec());
     }
     if trials.iter().all(|trial| trial.ratio.is_none()) {
-        let help = "add trials at equal speeds, or with a flagellum that stands";
+        let help = "add trials with encoders at equal speeds, or with a flagellum that stands";
         return Err(failed("the phase of the flagella does not matter at the speeds of these trials", help));
     }
     let starts: BTreeSet<_> = trials.iter().map(|trial| trial.board_start).collect();

@@ -59,6 +59,11 @@ pub(super) fn usable(
             None => each.push(trial),
         }
     }
+    if each.iter().any(|trial| trial.before > 0) {
+        warnings.push(
+            "without encoders the intervals may be too narrow: how the motors start and stop is not measured".into(),
+        );
+    }
     Ok(each)
 }
 
