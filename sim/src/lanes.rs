@@ -5,7 +5,7 @@
 use crate::V3;
 use crate::simd::Simd;
 use std::f64::consts::TAU;
-use std::ops::{Add, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Arrays are padded to a multiple of this, which every vector width divides.
 pub const PADDING: usize = 8;
@@ -171,6 +171,7 @@ operators! {
     Add, add, add_f64s;
     Sub, sub, sub_f64s;
     Mul, mul, mul_f64s;
+    Div, div, div_f64s;
 }
 
 impl<S: Simd> Neg for Wide<S> {
@@ -192,6 +193,13 @@ impl<S: Simd> Wide3<S> {
     pub fn dot(self, other: Self) -> Wide<S> {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a.times_plus(x, b.times_plus(y, c * z))
+    }
+
+    /// Returns the scalar product with the roundings of [`V3::dot`].
+    #[inline(always)]
+    pub fn dot_unfused(self, other: Self) -> Wide<S> {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        a * x + b * y + c * z
     }
 
     /// Returns the vector product.

@@ -16,8 +16,9 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverSettings {
-    /// Estimated error above which a step is repeated with half its length (5e-4): root mean square displacement of the
-    /// flagella against the fluid, over the radius of the helix. `sim/docs/cost.md` has the resulting errors of means.
+    /// Estimated error above which the next step has half the length (5e-4); a step with a much larger error is repeated. Root
+    /// mean square displacement of the flagella against the fluid, over the radius of the helix. `sim/docs/cost.md` has the
+    /// resulting errors of means.
     pub step_error: f64,
     /// Longest step in rad (0.3): angle of the faster motor, or the angle between the motors if it is larger. Steps in
     /// free fluid have this length. Longer steps need a third sweep and save nothing; above 1.1 they fail.

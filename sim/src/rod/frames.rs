@@ -153,6 +153,11 @@ impl Frames {
         }
     }
 
+    /// Returns the material frames: tangents and both directors.
+    pub fn axes(&self) -> [&Vectors; 3] {
+        [&self.tangent, &self.m1, &self.m2]
+    }
+
     /// Makes the frames at this shape the reference of later steps.
     pub fn accept(&self, reference: &mut ReferenceFrames) {
         self.tangent.copy_to(&mut reference.tangent);

@@ -307,7 +307,7 @@ impl Contacts {
     fn displace(&self, active: &[usize], changes: &[f64], flagella: &mut [Flagellum; 2]) -> f64 {
         let mut largest = 0f64;
         for (k, flagellum) in flagella.iter_mut().enumerate() {
-            let mut sum = vec![0.0; flagellum.correction.len()];
+            let mut sum = vec![0.0; 4 * flagellum.shape.nodes.len() - 2];
             for (&q, change) in active.iter().zip(changes) {
                 if let (true, Some(column)) = (*change != 0.0, &self.columns[q]) {
                     for (s, a) in sum.iter_mut().zip(&column.compliance[k]) {

@@ -30,7 +30,14 @@ const FIRST_LEVEL: u32 = 3;
 const RESOLVED: f64 = 0.05;
 /// After a step with an error below this share of the bound, the next one may be longer. Twice the length has up to 32
 /// times the error, but less while a contact decays; a step that is too long is repeated.
-const EASY: f64 = 1.0 / 8.0;
+const EASY: f64 = 1.0 / 5.0;
+/// The same in free motion, whose errors rise and fall with each turn.
+const EASY_FREE: f64 = 1.0 / 8.0;
+/// A step with an error above this many times the bound is repeated; one with a smaller error above the bound only makes
+/// the next one shorter.
+const HARD: f64 = 1.5;
+/// A step whose error is above this many times the allowed one after two sweeps is repeated without the others.
+const HOPELESS: f64 = 1.2;
 /// After a step with this many sweeps or more, the next one is not longer.
 const EASY_SWEEPS: u32 = 9;
 /// Easy steps before the next one is longer.
@@ -55,8 +62,9 @@ const STRETCH: f64 = 1.01;
 /// Chooses the length of each step by the outcome of the last ones.
 ///
 /// Lengths are the longest one, `solver.step_rad`, and its repeated halves: few lengths need few frozen inverses. A step
-/// whose estimated error is above `solver.step_error` is repeated with half its length; small errors let later steps grow
-/// again. The error is a displacement. Errors of mean loads are smallest if all steps have the same error, see `truncation`.
+/// whose estimated error is above `solver.step_error` makes the next one half as long, and is itself repeated if the error is
+/// much larger; small errors let later steps grow again. The error is a displacement. Errors of mean loads are smallest if all
+/// steps have the same error, see `truncation`.
 ///
 /// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second, and
 /// their steps grow again as soon as errors allow. In free motion errors rise and fall with each turn, but steps do not
@@ -106,13 +114,15 @@ impl StepControl {
             let angle = length * fastest(end.map(|m| m.speed));
             let lower = kink || angle < LEAST_ANGLE || !solver.model().two_way();
             let points = if lower { POINTS - 1 } else { POINTS };
+            let allowed_error = self.allowed_error(solver);
             let attempt = Attempt {
                 length,
                 motors: end,
                 points,
                 prediction_points: if kink { points - 1 } else { points },
                 own_inverses: self.own_inverses,
-                allowed_error: self.allowed_error(solver),
+                allowed_error,
+                hopeless_error: if self.level < halvings { HOPELESS * allowed_error } else { f64::INFINITY },
             };
             let left = until - state.time;
             let has_estimate = attempt.has_estimate(state);
@@ -134,9 +144,7 @@ impl StepControl {
                     return Err(StepError { time: state.time, step: length, failure });
                 }
                 Err(failure) => {
-                    let unresolved = matches!(failure, StepFailure::Unresolved { .. });
-                    self.held = if unresolved && self.free() { EASY_ANGLE } else { 0.0 };
-                    self.set_level(self.level + 1);
+                    self.shorten(matches!(failure, StepFailure::Unresolved { .. }));
                 }
             }
         }
@@ -147,12 +155,18 @@ impl StepControl {
         let model = solver.model();
         let settings = &model.robot.solver;
         let share = if self.level < settings.halvings { settings.step_error } else { RESOLVED };
-        share.min(RESOLVED) * model.radius()
+        (HARD * share).min(RESOLVED) * model.radius()
     }
 
     /// Returns whether the last contact is long past.
     fn free(&self) -> bool {
         self.steps_since_contact >= POST_CONTACT_STEPS
+    }
+
+    /// Halves the next step. `unresolved`: because of the estimated error.
+    fn shorten(&mut self, unresolved: bool) {
+        self.held = if unresolved && self.free() { EASY_ANGLE } else { 0.0 };
+        self.set_level(self.level + 1);
     }
 
     fn set_level(&mut self, level: u32) {
@@ -170,7 +184,10 @@ impl StepControl {
         if !self.free() {
             self.held = 0.0;
         }
-        if error > EASY || report.sweeps >= EASY_SWEEPS {
+        let easy = if self.free() { EASY_FREE } else { EASY };
+        if error > 1.0 && self.level < settings.halvings {
+            self.shorten(true);
+        } else if error > easy || report.sweeps >= EASY_SWEEPS {
             self.easy_steps = 0;
             self.held = if self.held > 0.0 { EASY_ANGLE } else { 0.0 };
         } else if has_estimate {

@@ -27,6 +27,9 @@ const TWO_WAY_SWEEPS: u32 = 1;
 const CONTACT_MOTION: f64 = 6.0;
 /// Bound of the tips' velocity from a change of the base's rate, in tolerances: only a part of it becomes a residual.
 const BASE_MOTION: f64 = 3.0;
+/// The same, of a change that the flagella may leave for the next step. With [`BASE_MOTION`], the attitude would wander by some
+/// thousandths of a degree.
+const BASE_LAG: f64 = 0.03;
 /// Share of the contact's motion that counts as a residual when progress is judged.
 const MOTION_SHARE: f64 = 0.3;
 /// An iteration is slow, and worth accelerating, when a sweep leaves more than this share of the residual.
@@ -135,10 +138,21 @@ impl Convergence {
         residual > SLOW * self.last.residual
     }
 
+    /// Returns the tips' velocity from a change of the base's rate (rad/s), in tolerances.
+    fn tips_motion(&self, change: f64) -> f64 {
+        change * self.reach / self.tolerance
+    }
+
+    /// Returns whether the flagella are to follow a change of the base's rate (rad/s) at once. Before another sweep they do if the
+    /// change would be most of its residual; after the last one, if they would lag behind the base.
+    pub fn is_to_be_followed(&self, change: f64, verdict: Verdict) -> bool {
+        self.tips_motion(change) > if verdict == Verdict::Continue { BASE_MOTION } else { BASE_LAG }
+    }
+
     /// Judges a sweep.
     pub fn judge(&mut self, sweep: u32, errors: SweepErrors, changes: Changes) -> Verdict {
         self.last = errors;
-        let settled = changes.rate * self.reach < BASE_MOTION * self.tolerance && changes.flow < self.tolerance;
+        let settled = self.tips_motion(changes.rate) < BASE_MOTION && changes.flow < self.tolerance;
         if self.rods_converged(sweep, &errors) && settled {
             return Verdict::Converged;
         }

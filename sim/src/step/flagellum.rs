@@ -5,7 +5,7 @@
 //! unknowns. The residual is the velocity of every node less the mobility times the density, and the torque about every
 //! free edge.
 
-use super::corotated::{from_reference, to_reference};
+use super::corotated::{set_steps, steps_from_reference, to_reference};
 use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use super::state::{RodState, Shape};
@@ -15,8 +15,10 @@ use crate::body::shaft::Shaft;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
 use crate::fluid::{Line, stokeslet_factor};
+use crate::lanes::{Vectors, Wide3};
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames, spin::SpinDrag};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Motion of a shaft frame and the time formula of its rod.
 #[derive(Clone, Copy, Debug)]
@@ -51,14 +53,15 @@ pub struct Flagellum {
     spin_drag: SpinDrag,
     /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
     residual: Vec<f64>,
-    /// Correction of the unknowns, see [`super::preconditioner`].
-    pub correction: Vec<f64>,
     gradient: Vec<f64>,
     near: NearBand,
     targets: Targets,
     /// The residual in the frames of the frozen inverse.
     reference: Vec<f32>,
     product: Vec<f32>,
+    /// Scratch of corrections edge by edge: their steps, and the edges that they move.
+    steps: Vectors,
+    edges: Vectors,
     /// The Gauss rule of far segments.
     pub rule: &'static [(f64, f64)],
     epsilon: f64,
@@ -81,12 +84,13 @@ impl Flagellum {
             angle_history: vec![0.0; n - 1],
             spin_drag: robot.spin_drag(),
             residual: vec![0.0; 4 * n - 2],
-            correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
             near: NearBand::new(n, robot.solver.near_edges as usize, points),
             targets: Targets::new(n, robot.solver.far_field),
             reference: vec![0.0; 4 * n - 2],
             product: vec![0.0; Panels::padded(4 * n - 2)],
+            steps: Vectors::new(n),
+            edges: Vectors::new(n),
             rule: gauss_rule(points),
             epsilon: robot.epsilon(),
             viscosity: robot.fluid.viscosity(),
@@ -205,91 +209,95 @@ impl Flagellum {
         self.contact[e + 1] += force;
     }
 
-    /// Sets `correction` to minus the frozen inverse times the residual, in corotated coordinates.
+    /// Moves the trial shape by minus the frozen inverse times the residual, in corotated coordinates.
     #[inline(never)] // so that a profile shows it
-    pub fn precondition(&mut self, preconditioner: &Preconditioner) {
+    pub fn correct(&mut self, preconditioner: &Preconditioner) {
         let n = self.shape.nodes.len();
-        let residual = |i: usize| V3::new(self.residual[3 * i], self.residual[3 * i + 1], self.residual[3 * i + 2]);
-        to_reference(&preconditioner.frames, &self.frames, residual, &mut self.reference[..3 * n]);
+        let wanted = |i: usize| -V3::from_column_slice(&self.residual[3 * i..3 * i + 3]);
+        let (built, today) = (preconditioner.frames.each_ref(), self.frames.axes());
+        to_reference(built, today, wanted, &mut self.steps, &mut self.reference[..3 * n]);
         for (slot, row) in self.reference[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
-            *slot = *row as f32;
+            *slot = -*row as f32;
         }
         preconditioner.multiply(&self.reference, &mut self.product);
-        from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
+        self.apply_product(preconditioner);
     }
 
     /// Moves the trial shape by the rod's response to a change of the base's velocity (m/s) and angular velocity (rad/s) at
     /// the shaft's foot, shaft axes.
     pub fn follow_base(&mut self, preconditioner: &Preconditioner, velocity: V3, rotation: V3) {
         let motion = [velocity.x, velocity.y, velocity.z, rotation.x, rotation.y, rotation.z].map(|rate| rate as f32);
-        let columns = preconditioner.response.unknowns.each_ref().map(|column| &column[..self.correction.len()]);
-        for (i, slot) in self.product[..self.correction.len()].iter_mut().enumerate() {
+        let columns = &preconditioner.response.unknowns;
+        for (i, slot) in self.product[..self.residual.len()].iter_mut().enumerate() {
             *slot = motion.iter().zip(columns).fold(0.0, |sum, (rate, column)| sum + rate * column[i]);
         }
-        from_reference(&preconditioner.frames, &self.frames, 1.0, &self.product, &mut self.correction);
-        self.apply_correction();
+        self.apply_product(preconditioner);
+    }
+
+    /// Moves the trial shape by `product`, which is in the frames of the inverse.
+    fn apply_product(&mut self, preconditioner: &Preconditioner) {
+        let product = std::mem::take(&mut self.product);
+        let (built, today) = (preconditioner.frames.each_ref(), self.frames.axes());
+        steps_from_reference(built, today, &product, self.shape.nodes.len() - 1, &mut self.steps);
+        self.apply_steps(&product);
+        self.product = product;
     }
 
     /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes. For
     /// flows of unit forces, these are columns of its compliance.
     #[inline(never)] // so that a profile shows it
     pub fn compliance_columns(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
-        let (n, size) = (self.shape.nodes.len(), self.correction.len());
+        let (n, size) = (self.shape.nodes.len(), self.residual.len());
         let padded = Panels::padded(size);
+        let (built, today, mut steps) = (preconditioner.frames.each_ref(), self.frames.axes(), Vectors::new(n));
         let mut rows = vec![0.0; size * flows.len()];
         let mut products = vec![0.0; padded * flows.len()];
         for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(size)) {
-            to_reference(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
+            to_reference(built, today, |i| flow[i] / kappa, &mut steps, &mut rows[..3 * n]);
         }
         preconditioner.multiply(&rows, &mut products);
         let column = |product: &[f32]| {
-            let mut correction = vec![0.0; size];
-            from_reference(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);
+            let mut correction: Vec<f64> = product[..size].iter().map(|value| f64::from(*value)).collect();
+            steps_from_reference(built, today, product, n - 1, &mut steps);
+            let mut sum = V3::zeros();
+            for (e, slots) in (1..n - 1).zip(correction.chunks_exact_mut(3)) {
+                sum += steps.at(e);
+                slots.copy_from_slice(sum.as_slice());
+            }
             correction
         };
         products.chunks_exact(padded).map(column).collect()
     }
 
-    /// Moves the trial shape by a correction: edge by edge, the part along an edge changes its length,
-    /// the part across rotates it. Moving nodes along straight lines would stretch edges to second order,
-    /// and the stretch is the stiff part.
+    /// Moves the trial shape by a correction of its unknowns.
     pub fn apply(&mut self, correction: &[f64]) {
+        set_steps(&mut self.steps, self.shape.nodes.len() - 1, correction);
+        self.apply_steps(correction);
+    }
+
+    /// Moves the trial shape by `steps` and the other unknowns of a correction: edge by edge, the part along an edge changes
+    /// its length, the part across rotates it. Moving nodes along straight lines would stretch edges to second order, and
+    /// the stretch is the stiff part.
+    fn apply_steps<T: Copy + Into<f64>>(&mut self, correction: &[T]) {
         let n = self.shape.nodes.len();
         let nodes = &mut self.shape.nodes;
+        self.edges.fill(n - 1, |e| nodes[e + 1] - nodes[e]);
+        dispatch(MoveEdges { edges: &mut self.edges, steps: &self.steps, count: n - 1 });
         let mut end = nodes[1];
-        let mut before = nodes[1];
-        let mut last = V3::zeros();
         for e in 1..n - 1 {
-            let q = 3 * (e - 1);
-            let next = V3::new(correction[q], correction[q + 1], correction[q + 2]);
-            let step = next - last;
-            last = next;
-            let edge = nodes[e + 1] - before;
-            before = nodes[e + 1];
-            let length = edge.norm();
-            let tangent = edge / length;
-            let along = step.dot(&tangent);
-            let rotated = edge + step - tangent * along;
-            end += rotated * ((length + along) / rotated.norm());
+            end += self.edges.at(e);
             nodes[e + 1] = end;
         }
         let angles = 3 * (n - CLAMPED);
         for (angle, change) in self.shape.angles[1..].iter_mut().zip(&correction[angles..angles + n - 2]) {
-            *angle += change;
+            *angle += (*change).into();
         }
         let clamp = 4 * (n - CLAMPED);
         for (i, density) in self.shape.clamp_density.iter_mut().enumerate() {
             for a in 0..3 {
-                density[a] += correction[clamp + 3 * i + a];
+                density[a] += correction[clamp + 3 * i + a].into();
             }
         }
-    }
-
-    /// Moves the trial shape by the correction that was computed last.
-    pub fn apply_correction(&mut self) {
-        let correction = std::mem::take(&mut self.correction);
-        self.apply(&correction);
-        self.correction = correction;
     }
 
     /// Returns the load of the fluid on the clamp, body axes, moment about the joint.
@@ -327,5 +335,29 @@ impl Flagellum {
             }
         }
         flow
+    }
+}
+
+/// Moves edges by steps of one end against the other.
+struct MoveEdges<'a> {
+    edges: &'a mut Vectors,
+    steps: &'a Vectors,
+    count: usize,
+}
+
+impl Kernel for MoveEdges<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        for e in (0..self.count).step_by(S::F64_LANES) {
+            let (edge, step) = (self.edges.load(simd, e), self.steps.load(simd, e));
+            let length = edge.dot_unfused(edge).sqrt();
+            let [x, y, z] = edge.0;
+            let tangent = Wide3([x / length, y / length, z / length]);
+            let along = step.dot_unfused(tangent);
+            let rotated = edge + step - tangent * along;
+            self.edges.store(rotated * ((length + along) / rotated.dot_unfused(rotated).sqrt()), e);
+        }
     }
 }

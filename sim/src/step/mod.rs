@@ -46,7 +46,7 @@
 //! | --- | --- | --- | --- | --- |
 //! | residuals, with the flow of the rods, `Flagellum::update_residual` | 30 % | 31 % | 25 % | 25 % |
 //! | frames and elastic forces, `StepProblem::update_forces` | 10 % | 9 % | 7 % | 10 % |
-//! | products with the frozen inverse, `Flagellum::precondition` | 13 % | 13 % | 12 % | 12 % |
+//! | products with the frozen inverse, `Flagellum::correct` | 13 % | 13 % | 12 % | 12 % |
 //! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 3 % | 8 % | 0 % |
 //! | search for close edges, `BroadPhase::search` | 8 % | 8 % | 8 % | 7 % |
 //! | least gap of every step, `BroadPhase::least_distance` | 8 % | 2 % | 2 % | 5 % |

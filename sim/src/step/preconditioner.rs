@@ -13,6 +13,7 @@ use super::panels::Panels;
 use super::state::RodState;
 use crate::V3;
 use crate::fluid::{mobility::mobility, segment::segment_flow, stokeslet_factor};
+use crate::lanes::Vectors;
 use crate::linear::invert;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames, spin::SpinDrag};
@@ -53,7 +54,7 @@ pub enum Use {
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
     /// Tangents and material directors of the edges at the shape where it was built.
-    pub frames: Vec<[V3; 3]>,
+    pub frames: [Vectors; 3],
     inverse: Inverse,
     /// The rod's response to a moving base.
     pub response: BaseResponse,
@@ -82,7 +83,7 @@ impl Preconditioner {
     pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
         match &self.inverse {
             Inverse::Dense(panels) => panels.multiply(vectors, out),
-            Inverse::Factored(factors) => solve(factors, vectors, 4 * self.frames.len() + 2, out),
+            Inverse::Factored(factors) => solve(factors, vectors, self.response.unknowns[0].len(), out),
         }
     }
 }
@@ -106,7 +107,7 @@ fn solve(factors: &Factors, vectors: &[f32], size: usize, out: &mut [f32]) {
 #[derive(Clone, Debug)]
 pub struct Equations {
     nodes: Vec<V3>,
-    frames: Vec<[V3; 3]>,
+    frames: [Vectors; 3],
     mobility: DMatrix<f64>,
     /// M w^-1 K of the free degrees of freedom, before the division by kappa.
     elastic: DMatrix<f64>,
@@ -146,7 +147,7 @@ impl Equations {
         }
         Self {
             nodes: at.shape.nodes.clone(),
-            frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e), frames.m2.at(e)]).collect(),
+            frames: frames.axes().map(Vectors::clone),
             mobility,
             elastic,
             hessian,
@@ -241,7 +242,7 @@ impl Equations {
                 }
             }
             // The spin of every edge with the frame, rad/s.
-            let turning = |edge: usize| if motion < 3 { 0.0 } else { self.frames[edge][0].dot(&unit) };
+            let turning = |edge: usize| if motion < 3 { 0.0 } else { self.frames[0].at(edge).dot(&unit) };
             for edge in 1..n - 1 {
                 let torque = self.spin_drag.frame * rod.rest_length[edge] * turning(edge);
                 rows[3 * n + edge - 1] = -torque_scale(rod) * torque;
@@ -266,14 +267,15 @@ impl Equations {
                     load[(3 + a, motion)] += torque[a];
                 }
             }
-            for (edge, [tangent, ..]) in self.frames.iter().enumerate() {
+            for edge in 0..n - 1 {
                 let change = if edge == 0 { 0.0 } else { kappa * correction[3 * free + edge - 1] };
                 let torque = -self.spin_drag.frame * rod.rest_length[edge] * (change + turning(edge));
+                let tangent = self.frames[0].at(edge);
                 for a in 0..3 {
                     load[(3 + a, motion)] += tangent[a] * torque;
                 }
             }
-            unknowns[motion] = correction.iter().map(|v| *v as f32).collect();
+            unknowns[motion] = correction[..rows.len()].iter().map(|v| *v as f32).collect();
         }
         BaseResponse { load, unknowns }
     }

@@ -110,7 +110,7 @@ impl Solver {
         let inverses = cache.find(about, model, &step).ok_or(StepFailure::Singular)?;
         let problem = StepProblem { model, state, step: &step, inverses: [&*inverses[0], &*inverses[1]] };
         let mut body = BodySolve::new(state, &step);
-        let converged = sweeps.solve(&problem, &mut body)?;
+        let converged = sweeps.solve(&problem, &mut body, attempt.hopeless_error)?;
         accept::check(sweeps, &problem, &body)?;
         let (mut report, next) = accept::finish(sweeps, &problem, &body, converged)?;
         report.error = truncation::error(&sweeps.flagella, &problem, &next);

@@ -1,7 +1,6 @@
 //! The sweeps of a step: flagellum 1, flagellum 2, contact, base, until all of them agree.
 //!
-//! Both flagella move with the base as soon as it is corrected. If they waited for the next sweep, the error left by two
-//! sweeps would let the attitude wander by some thousandths of a degree.
+//! Where a correction of the base is large for a sweep, or for the last one, both flagella move with it at once.
 
 use super::body::BodySolve;
 use super::contact::{ContactChange, Contacts};
@@ -11,7 +10,8 @@ use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
 use super::surroundings::Surroundings;
-use super::unknowns;
+use super::{truncation, unknowns};
+use crate::V3;
 use crate::anderson::Anderson;
 use crate::body::Body;
 use crate::fluid::Line;
@@ -19,6 +19,8 @@ use crate::fluid::far::Sources;
 
 /// Index of the sweep that looks for new pairs: after the first one the shapes are nearly right.
 const SEARCH_SWEEP: u32 = 1;
+/// Index of the sweep after which the step's error shows.
+const ESTIMATE_SWEEP: u32 = 1;
 
 /// Trial shapes and contacts of a step, and the memory of their iteration.
 #[derive(Clone, Debug)]
@@ -65,7 +67,12 @@ impl Sweeps {
     ///
     /// # Errors
     /// [`StepFailure::Stalled`] and [`StepFailure::Diverged`].
-    pub fn solve(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<Converged, StepFailure> {
+    pub fn solve(
+        &mut self,
+        problem: &StepProblem,
+        body: &mut BodySolve,
+        hopeless_error: f64,
+    ) -> Result<Converged, StepFailure> {
         let mut convergence = Convergence::new(problem);
         self.begin(problem, body);
         for sweep in 0..problem.model.robot.solver.sweeps {
@@ -98,9 +105,19 @@ impl Sweeps {
             if contact || accelerated {
                 self.update_forces(problem, body);
             }
-            let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
+            let change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { V3::zeros() };
+            if sweep == ESTIMATE_SWEEP {
+                let error = truncation::error(&self.flagella, problem, &body.body);
+                if error > hopeless_error {
+                    return Err(StepFailure::Unresolved { error, allowed: hopeless_error });
+                }
+            }
 
-            match convergence.judge(sweep, errors, Changes { rate: rate_change, flow: flow_change }) {
+            let verdict = convergence.judge(sweep, errors, Changes { rate: change.norm(), flow: flow_change });
+            if convergence.is_to_be_followed(change.norm(), verdict) {
+                self.follow_base(problem, body, change);
+            }
+            match verdict {
                 Verdict::Continue => {}
                 Verdict::Stalled => break,
                 Verdict::Converged if self.contacts.complete(problem, &mut self.flagella) => {
@@ -154,8 +171,7 @@ impl Sweeps {
             let flagellum = &mut self.flagella[k];
             let size = flagellum.update_residual(&problem.model.rods[k], &motion[k], &self.sources, lever);
             residual = residual.max(size);
-            flagellum.precondition(problem.inverses[k]);
-            flagellum.apply_correction();
+            flagellum.correct(problem.inverses[k]);
             // With contact, forces are updated after the contact's half of the sweep.
             if !contact {
                 problem.update_forces(flagellum, k, &body.body);
@@ -202,16 +218,19 @@ impl Sweeps {
         }
     }
 
-    /// Corrects the base's rate, and both flagella by their response to it. Returns the rate's change, rad/s.
-    fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<f64, StepFailure> {
+    /// Corrects the base's rate. Returns its change, rad/s.
+    fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<V3, StepFailure> {
         let moment = problem.flagella_moment(&self.flagella, &body.body) + self.surroundings.induced_moment();
-        let change = body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)?;
+        body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)
+    }
+
+    /// Corrects both flagella by their response to a change of the base's rate, rad/s.
+    fn follow_base(&mut self, problem: &StepProblem, body: &BodySolve, change: V3) {
         for (k, flagellum) in self.flagella.iter_mut().enumerate() {
             let (velocity, rotation) = problem.base_motion(k, change);
             flagellum.follow_base(problem.inverses[k], velocity, rotation);
         }
         self.update_forces(problem, body);
-        Ok(change.norm())
     }
 
     fn unknowns(&self, body: &BodySolve) -> Vec<f64> {

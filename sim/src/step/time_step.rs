@@ -21,6 +21,8 @@ pub struct Attempt {
     pub own_inverses: bool,
     /// Largest estimated error of an accepted step, m.
     pub allowed_error: f64,
+    /// Estimated error after two sweeps above which the others are not computed, m.
+    pub hopeless_error: f64,
 }
 
 impl Attempt {
@@ -95,7 +97,8 @@ impl TimeStep {
             let error_share = error_share(derivative[0], behind[past_points - 1]);
             Weights { derivative, prediction, extrapolation, error_share }
         };
-        let fastest = motors[0].speed.abs().max(motors[1].speed.abs());
+        let rods = motors.map(|m| fitted(m.speed));
+        let faster = usize::from(motors[1].speed.abs() > motors[0].speed.abs());
         Self {
             length,
             time,
@@ -105,8 +108,8 @@ impl TimeStep {
             prediction_points,
             past_points,
             has_estimate: attempt.has_estimate(state),
-            rods: motors.map(|m| fitted(m.speed)),
-            body: fitted(fastest),
+            rods,
+            body: rods[faster],
         }
     }
 

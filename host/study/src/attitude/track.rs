@@ -154,7 +154,7 @@ impl Track<'_> {
         };
         let Some((t1, v1)) = self.time_s.get(after).zip(self.value.get(after)) else { return Some(*last) };
         let (t0, v0) = (self.time_s[before], self.value[before]);
-        Some(if *t1 > t0 { v0 + (v1 - v0) * (time_s - t0) / (t1 - t0) } else { *v1 })
+        Some(if *t1 > time_s { v0 + (v1 - v0) * (time_s - t0) / (t1 - t0) } else { *v1 })
     }
 
     /// Returns the mean over a range of time by the trapezium rule. It weights values by time, so lost frames do no
@@ -203,6 +203,14 @@ mod tests {
     }
 
     proptest! {
+        /// A table has the numbers of its log.
+        #[test]
+        fn values_at_rows_are_those_of_the_rows(values in prop::collection::vec(-1e3..1e3, 2..200)) {
+            let columns = columns(&values);
+            let at = columns.time_s.iter().map(|time| columns.track(0).at(*time).unwrap());
+            prop_assert!(at.eq(values));
+        }
+
         /// Means over adjacent ranges, weighted by length, add up.
         #[test]
         fn means_of_adjacent_ranges_add_up(values in prop::collection::vec(-1e3..1e3, 2..200), parts in [0.0..1.0f64, 0.0..1.0, 0.0..1.0]) {
