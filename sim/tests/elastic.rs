@@ -52,7 +52,7 @@ impl Statics {
         for _ in 0..400 {
             self.update();
             let mut gradient = vec![0.0; 4 * self.rod.nodes()];
-            self.rod.gradient(&self.frames, &self.angles, &mut gradient);
+            self.rod.gradient(&mut self.frames, &self.angles, &mut gradient);
             let right = DVector::from_iterator(self.free.len(), self.free.iter().map(|&s| self.load[s] - gradient[s]));
             let step = self.hessian().lu().solve(&right).expect("a regular system");
             let largest = (self.free.iter().zip(step.iter()))

@@ -28,7 +28,7 @@ fn helix_at_rest_has_no_force() {
     let angles = vec![0.0; rod.edges()];
     frames.update(&rod.rest_frames, &rod.shape, &angles);
     let mut gradient = vec![0.0; 4 * rod.nodes()];
-    rod.gradient(&frames, &angles, &mut gradient);
+    rod.gradient(&mut frames, &angles, &mut gradient);
     let largest = gradient.iter().fold(0f64, |a, g| a.max(g.abs()));
     prove("helix at rest: largest force, N or N m", largest, 1e-12);
 }
@@ -59,7 +59,7 @@ fn gradient_and_hessian_match_finite_differences() {
             let mut frames = Frames::new(n);
             frames.update(&reference, nodes, angles);
             let mut g = vec![0.0; 4 * n];
-            rod.gradient(&frames, angles, &mut g);
+            rod.gradient(&mut frames, angles, &mut g);
             (rod.energy(&frames, angles), g)
         };
         let (_, gradient) = at(&nodes, &angles);

@@ -71,6 +71,8 @@ pub struct Frames {
     angles: Vec<f64>,
     before: [Vectors; 2],
     twist_before: Vec<f64>,
+    /// Scratch of the gradient.
+    pub(super) gradients: Vec<f64>,
 }
 
 impl Frames {
@@ -92,6 +94,7 @@ impl Frames {
             angles: values(),
             before: [vectors(), vectors()],
             twist_before: values(),
+            gradients: Vec::new(),
         }
     }
 

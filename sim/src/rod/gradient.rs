@@ -32,9 +32,15 @@ impl AtRest {
     }
 }
 
+/// Rows of the scratch: the angles, and the derivatives with respect to two edges.
+const ROWS: usize = 9;
+
 /// Writes the gradient to `out`, four slots a node.
-pub(super) fn gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
-    dispatch(Gradient { rod, frames, angles, out });
+pub(super) fn gradient(rod: &Rod, frames: &mut Frames, angles: &[f64], out: &mut [f64]) {
+    let mut scratch = std::mem::take(&mut frames.gradients);
+    scratch.resize(ROWS * padded(rod.nodes()), 0.0);
+    dispatch(Gradient { rod, frames, angles, scratch: &mut scratch, out });
+    frames.gradients = scratch;
 }
 
 /// Compiles the gradient for the machine's vector instructions.
@@ -42,6 +48,7 @@ struct Gradient<'a> {
     rod: &'a Rod,
     frames: &'a Frames,
     angles: &'a [f64],
+    scratch: &'a mut [f64],
     out: &'a mut [f64],
 }
 
@@ -50,10 +57,9 @@ impl Kernel for Gradient<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Gradient { rod, frames, angles, out } = self;
+        let Gradient { rod, frames, angles, scratch, out } = self;
         let (n, at_rest, stiffness) = (rod.nodes(), &rod.at_rest, &rod.stiffness);
         let length = padded(n);
-        let mut scratch = vec![0.0; 9 * length];
         let (given, by_node) = scratch.split_at_mut(length);
         given[..n - 1].copy_from_slice(angles);
         // Derivatives with respect to the edge before each node, and to the edge after it: x, y, z, angle.
@@ -75,9 +81,10 @@ impl Kernel for Gradient<'_> {
                 sum.angles[side].store(rows, 3 * length + i);
             }
         }
-        // Beyond the last inner node, the registers left meaningless numbers.
+        // Ends have no derivatives, and beyond the last inner node the registers left meaningless numbers.
         for rows in [&mut *before, &mut *after] {
             for row in rows.chunks_exact_mut(length) {
+                row[0] = 0.0;
                 row[n - 1..].fill(0.0);
             }
         }

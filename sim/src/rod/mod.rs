@@ -135,7 +135,7 @@ impl Rod {
     }
 
     /// Computes the gradient of the energy, four slots a node, in N and N m, into `out` (length `4 n`).
-    pub fn gradient(&self, frames: &Frames, angles: &[f64], out: &mut [f64]) {
+    pub fn gradient(&self, frames: &mut Frames, angles: &[f64], out: &mut [f64]) {
         gradient::gradient(self, frames, angles, out);
     }
 

@@ -108,7 +108,7 @@ impl Flagellum {
     pub fn update_forces(&mut self, rod: &Rod, weight: V3) {
         let shape = &self.shape;
         self.frames.update_at(&shape.nodes, &shape.angles);
-        rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
+        rod.gradient(&mut self.frames, &shape.angles, &mut self.gradient);
         self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
         for i in CLAMPED..rod.nodes() {
             let elastic = V3::new(self.gradient[4 * i], self.gradient[4 * i + 1], self.gradient[4 * i + 2]);

@@ -52,7 +52,7 @@ pub fn frames_and_gradient(solver: &Solver, state: &State, k: usize) -> (Frames,
     let mut frames = Frames::new(rod.nodes());
     frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
     let mut gradient = vec![0.0; 4 * rod.nodes()];
-    rod.gradient(&frames, &shape.angles, &mut gradient);
+    rod.gradient(&mut frames, &shape.angles, &mut gradient);
     (frames, gradient)
 }
 
