@@ -50,7 +50,8 @@ impl Conditions {
         }
         let trial = recording.records.trial.as_ref();
         Ok(Self {
-            speeds: Some(recording.speeds()),
+            // Motors without encoders do not turn as commanded: the speeds are then those of the states.
+            speeds: (!recording.is_blind()).then(|| recording.speeds()),
             run_s: Some(run.start..run.end.min(last)),
             reverse: trial.and_then(|trial| trial.reverse_motor.zip(trial.reverse_after_s)),
             robot: RobotFile::of_log(recording.records.robot.clone()),

@@ -2,7 +2,7 @@
 
 use super::causes::SLOWEST_RPM;
 use super::lines::{FASTEST_HZ, Fit, Fitter, size};
-use super::motion::Motion;
+use super::motion::{Motion, TOO_FEW};
 use super::score::{agreement, beside_the_other, in_plane_dps, least_dps, score};
 use super::{Labelled, MARGIN, MOST_LEFT, SHAKING};
 use crate::attitude::Columns;
@@ -139,7 +139,7 @@ impl fmt::Display for SwingSpeeds {
 /// # Errors
 /// The reason why it is unknown.
 pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, f64), &'static str> {
-    let motion = Motion::of(angles_deg, part_s).ok_or("the run is too short")?;
+    let motion = Motion::of(angles_deg, part_s).ok_or(TOO_FEW)?;
     let fitter = Fitter::new(&motion);
     let found = fitter.strongest(SHAKING, FASTEST_ALONE_HZ);
     let fitter = fitter.without_shaking(&found);
@@ -176,15 +176,16 @@ pub(super) fn speeds(
     settled_s: Range<f64>,
     near: Option<&Labelled>,
 ) -> Result<SwingSpeeds, &'static str> {
-    let motion = Motion::of(angles_deg, settled_s.clone()).ok_or("the run is too short")?;
+    let motion = Motion::of(angles_deg, settled_s.clone()).ok_or(TOO_FEW)?;
     if motion.stops().is_some() {
         return Err("the motors stop before the end of the run");
     }
     // A short part identifies the lines, because wandering speeds do not blur it. It then grows, so that no turn is lost.
     let lengths_s = std::iter::successors(Some(PART_S), |s| (*s < motion.length_s).then_some(s * GROWTH));
     let part = |s: f64| Motion::of(angles_deg, settled_s.start.max(settled_s.end - s)..settled_s.end);
-    let parts: Vec<Motion> = lengths_s.filter_map(part).collect();
-    let [part, longer @ ..] = &parts[..] else { return Err("the run is too short") };
+    // Where readings are missing, a part may have another interval.
+    let parts: Vec<Motion> = lengths_s.filter_map(part).filter(|part| part.interval_s == motion.interval_s).collect();
+    let [part, longer @ ..] = &parts[..] else { return Err(TOO_FEW) };
     let (of_part, found) = told(part, near)?;
     let grown = |hz: [f64; 2]| {
         let reach = hz.map(|f| if f == 0.0 { 0.0 } else { 1.0 / part.length_s });

@@ -1,6 +1,6 @@
 //! Lines of two frequencies, their sums and differences, fitted to a motion.
 
-use super::motion::{INTERVAL_S, Motion};
+use super::motion::Motion;
 use crate::attitude::Columns;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::functions::{atan2, cos, sin_cos};
@@ -117,7 +117,7 @@ impl<'a> Fitter<'a> {
         let half = motion.length_s / 2.0;
         let slow = legendre(&motion.t.iter().map(|t| t / half).collect::<Vec<_>>(), degree);
         let count = motion.t.len() as f64;
-        let noise = 2.0 * motion.angle_variance * count / (INTERVAL_S * INTERVAL_S);
+        let noise = 2.0 * motion.angle_variance * count / (motion.interval_s * motion.interval_s);
         let rates = DMatrix::from_fn(motion.t.len(), 3, |i, axis| motion.rates[axis][i]);
         let hann = |i: usize| 1.0 - cos(TAU * (i as f64 + 0.5) / count);
         let window = (0..motion.t.len()).map(hann).collect();
@@ -162,7 +162,7 @@ impl<'a> Fitter<'a> {
         let rates = rates.as_slice();
         let mut sums = [Complex::default(); 3];
         let (mut s, mut c) = sin_cos(TAU * hz * self.motion.t[0]);
-        let (ds, dc) = sin_cos(TAU * hz * INTERVAL_S);
+        let (ds, dc) = sin_cos(TAU * hz * self.motion.interval_s);
         for (i, hann) in self.window.iter().enumerate() {
             let (hs, hc) = (hann * s, hann * c);
             for (axis, sum) in sums.iter_mut().enumerate() {
@@ -443,7 +443,7 @@ impl<'a> Fitter<'a> {
     pub fn longer<'b>(&self, motion: &'b Motion, found: &[f64]) -> Fitter<'b> {
         let mut longer = Fitter::new(motion).without_shaking(found);
         let before = motion.t.len() - self.motion.t.len();
-        let window = (FOLLOWED_S / INTERVAL_S) as usize;
+        let window = (FOLLOWED_S / motion.interval_s) as usize;
         for (t, own) in longer.t.iter_mut().zip(&self.t) {
             let step = (own[window] - own[0]) / window as f64;
             let earlier = (1..=before).rev().map(|i| own[0] - i as f64 * step);
@@ -454,9 +454,11 @@ impl<'a> Fitter<'a> {
 
     /// Returns the speeds of the motors of a fit over the motion, which ends at `end_s`, rpm.
     pub fn speeds_rpm(&self, fit: &Fit, end_s: f64) -> Columns<2> {
-        let middle_s = end_s - self.motion.t[self.motion.t.len() - 1] - INTERVAL_S;
+        let middle_s = end_s - self.motion.t[self.motion.t.len() - 1] - self.motion.interval_s;
         let time_s = self.motion.t.windows(2).map(|t| middle_s + 0.5 * (t[0] + t[1])).collect();
-        let rpm = |k: usize| self.t[k].windows(2).map(|t| 60.0 * fit.hz[k] * (t[1] - t[0]) / INTERVAL_S).collect();
+        let rpm = |k: usize| {
+            self.t[k].windows(2).map(|t| 60.0 * fit.hz[k] * (t[1] - t[0]) / self.motion.interval_s).collect()
+        };
         Columns { time_s, values: [rpm(0), rpm(1)] }
     }
 

@@ -18,8 +18,8 @@ pub use causes::Cause;
 use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
 use lines::{Complex, FASTEST_HZ, Fit, Fitter, MIXED, angle_deg, size};
-use motion::Motion;
 pub use motion::PIECE_S;
+use motion::{Motion, TOO_FEW};
 pub use score::in_plane_dps;
 use score::{beside_the_other, least_dps, off_deg, score};
 use sim::functions::{exp, hypot, ln};
@@ -230,7 +230,7 @@ fn is_near(rpm: [f64; 2], length_s: f64) -> bool {
 /// Judges a label by its motion.
 pub fn label(trial: &Labelled) -> Label {
     let Some(motion) = Motion::of(trial.angles_deg, trial.settled_s.clone()) else {
-        return Label::NotJudged("the run is too short, or has too few readings");
+        return Label::NotJudged(TOO_FEW);
     };
     if let Some(at_s) = motion.stops() {
         let at_s = trial.settled_s.end - motion.length_s + at_s;

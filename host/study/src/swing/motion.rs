@@ -4,8 +4,9 @@ use crate::attitude::Columns;
 use sim::body::attitude::{of_euler_zyx, rotation_between};
 use std::ops::Range;
 
-/// Interval of the readings after averaging, s: harmonics of the fastest motor stay below the Nyquist frequency.
-pub const INTERVAL_S: f64 = 0.1;
+/// Intervals of the readings after averaging, s: the first whose bins nearly all have a reading. With the first one, harmonics
+/// of the fastest motor stay below the Nyquist frequency; with the second one, its own turn does.
+const INTERVALS_S: [f64; 2] = [0.1, 0.2];
 
 /// Length of the end of a run that is judged, s.
 const LONGEST_S: f64 = 60.0;
@@ -13,10 +14,15 @@ const LONGEST_S: f64 = 60.0;
 /// Shortest part that can be judged, s.
 const SHORTEST_S: f64 = 10.0;
 
+/// Why there is no motion of a part.
+pub const TOO_FEW: &str = "the run is too short, or has too few readings";
+
 /// Rates about x, y and z.
 pub struct Motion {
     /// Times relative to the middle of the part, s.
     pub t: Vec<f64>,
+    /// Interval of the times, s.
+    pub interval_s: f64,
     /// Rates in °/s; a column is an axis.
     pub rates: [Vec<f64>; 3],
     /// Length of the part, s.
@@ -32,18 +38,21 @@ impl Motion {
     /// readings.
     pub fn of(angles_deg: &Columns<3>, part_s: Range<f64>) -> Option<Self> {
         let start_s = part_s.start.max(part_s.end - LONGEST_S);
-        let count = ((part_s.end - start_s) / INTERVAL_S).floor().max(0.0) as usize;
-        if (count as f64) * INTERVAL_S < SHORTEST_S {
-            return None;
-        }
-        let bins = Bins { time_s: &angles_deg.time_s, start_s, count };
-        let [x, y, z] = turned(&angles_deg.values);
-        let rates = [bins.mean(&x)?, bins.mean(&y)?, bins.mean(&z)?].map(|turned| differences(&turned));
-        let count = rates[0].len();
-        let t = (0..count).map(|i| (i as f64 - (count - 1) as f64 / 2.0) * INTERVAL_S).collect();
-        let variances = rates.each_ref().map(|rate| noise(rate));
-        let angle_variance = variances.iter().sum::<f64>() / 3.0;
-        Some(Self { t, rates, length_s: count as f64 * INTERVAL_S, variances, angle_variance })
+        let turned = turned(&angles_deg.values);
+        INTERVALS_S.into_iter().find_map(|interval_s| {
+            let count = ((part_s.end - start_s) / interval_s).floor().max(0.0) as usize;
+            if (count as f64) * interval_s < SHORTEST_S {
+                return None;
+            }
+            let bins = Bins { time_s: &angles_deg.time_s, start_s, interval_s, count };
+            let [x, y, z] = turned.each_ref().map(|turned| bins.mean(turned));
+            let rates = [x?, y?, z?].map(|turned| differences(&turned, interval_s));
+            let count = rates[0].len();
+            let t = (0..count).map(|i| (i as f64 - (count - 1) as f64 / 2.0) * interval_s).collect();
+            let variances = rates.each_ref().map(|rate| noise(rate, interval_s));
+            let angle_variance = variances.iter().sum::<f64>() / 3.0;
+            Some(Self { t, interval_s, rates, length_s: count as f64 * interval_s, variances, angle_variance })
+        })
     }
 }
 
@@ -53,7 +62,7 @@ pub const PIECE_S: f64 = 3.0;
 impl Motion {
     /// Returns the time at which the swing falls below a fifth of its size and stays there, s from the start of the part.
     pub fn stops(&self) -> Option<f64> {
-        let size = (PIECE_S / INTERVAL_S) as usize;
+        let size = (PIECE_S / self.interval_s) as usize;
         let piece = |from: usize| -> f64 {
             let of_axis = |rate: &Vec<f64>| {
                 // The median ignores a single slip of a marker.
@@ -90,13 +99,13 @@ fn turned(angles_deg: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
 }
 
 /// Returns rates from angles an interval apart.
-fn differences(angles: &[f64]) -> Vec<f64> {
-    angles.windows(2).map(|pair| (pair[1] - pair[0]) / INTERVAL_S).collect()
+fn differences(angles: &[f64], interval_s: f64) -> Vec<f64> {
+    angles.windows(2).map(|pair| (pair[1] - pair[0]) / interval_s).collect()
 }
 
 /// Returns the variance of the noise of the angles that have these rates. Third differences of rates contain hardly any motion.
-fn noise(rates: &[f64]) -> f64 {
-    let third: Vec<f64> = rates.windows(4).map(|r| (r[3] - 3.0 * r[2] + 3.0 * r[1] - r[0]) * INTERVAL_S).collect();
+fn noise(rates: &[f64], interval_s: f64) -> f64 {
+    let third: Vec<f64> = rates.windows(4).map(|r| (r[3] - 3.0 * r[2] + 3.0 * r[1] - r[0]) * interval_s).collect();
     let mut squares: Vec<f64> = third.iter().map(|x| x * x).collect();
     squares.sort_by(f64::total_cmp);
     // The median of a square of a normal variable is 0.455 of its mean; (1 - z)^4 has coefficients 1, 4, 6, 4, 1.
@@ -106,6 +115,7 @@ fn noise(rates: &[f64]) -> f64 {
 struct Bins<'a> {
     time_s: &'a [f64],
     start_s: f64,
+    interval_s: f64,
     count: usize,
 }
 
@@ -117,7 +127,7 @@ impl Bins<'_> {
         let first = self.time_s.partition_point(|t| *t < self.start_s);
         for (t, value) in self.time_s.iter().zip(column).skip(first) {
             // If the readings of a table are an interval apart, rounding would leave empty bins.
-            let bin = ((t - self.start_s) / INTERVAL_S + 1e-6) as usize;
+            let bin = ((t - self.start_s) / self.interval_s + 1e-6) as usize;
             if bin >= self.count {
                 break;
             }

@@ -300,8 +300,8 @@ fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
         let truth = Truth::of(&robot, rpm, RUN_S + AFTER_S, RUN_S);
         Motion { truth, file: Robot::default(), name: "" }
     };
-    let found = |motion: &Motion, fault: Option<&str>, rest_deg: f64| {
-        let way = Way { rate_hz: 30.0, noise_deg: [0.05; 2], rest_s: 5.0, rest_deg, wander: 0.0 };
+    let found = |motion: &Motion, fault: Option<&str>, rest_deg: f64, rate_hz: f64| {
+        let way = Way { rate_hz, noise_deg: [0.05; 2], rest_s: 5.0, rest_deg, wander: 0.0 };
         let (clean, mut random) = (rows(&motion.truth, way), Random(3, 0));
         let rows = fault.map_or(clean.clone(), |fault| spoilt(fault, &clean, way, &mut random));
         let trial = import(&noisy(&rows, way, &mut random), way, motion);
@@ -310,7 +310,9 @@ fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
     };
     let [opposite, slower] = [[63.7, -46.0], [-60.0, 25.0]].map(|rpm| motion(Robot::default(), rpm));
     for motion in [&opposite, &slower] {
-        assert_eq!(found(motion, None, 0.0), [""; 0]);
+        assert_eq!(found(motion, None, 0.0, 30.0), [""; 0]);
+        // A slow camera has a reading in every second interval.
+        assert_eq!(found(motion, None, 0.0, 8.3), [""; 0]);
     }
     for (motion, fault, rest_deg, cause) in [
         (&opposite, "inverse", 0.0, "turns the world's axes into the body's"),
@@ -318,12 +320,14 @@ fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
         (&opposite, "half", 0.0, "turned by a half"),
         (&slower, "quarter left", 0.0, "turned by a quarter"),
     ] {
-        let texts = found(motion, Some(fault), rest_deg);
-        assert!(texts.iter().any(|text| text.contains(cause)), "{fault}: {texts:?}");
+        for rate_hz in [30.0, 8.3] {
+            let texts = found(motion, Some(fault), rest_deg, rate_hz);
+            assert!(texts.iter().any(|text| text.contains(cause)), "{fault} at {rate_hz} Hz: {texts:?}");
+        }
     }
     let mut soft = Robot::default();
     soft.flagellum.young_pa *= 0.6;
-    assert_eq!(found(&motion(soft, [18.1, -79.9]), None, 0.0), [""; 0]);
+    assert_eq!(found(&motion(soft, [18.1, -79.9]), None, 0.0, 30.0), [""; 0]);
 }
 
 /// Unequal noise is that of a camera beside or above the robot.
