@@ -16,8 +16,10 @@ use host::sensor::{AXES, Estimate, MeasuredSensor};
 use host::trial::{Data, Judged};
 use host::twin::calibrate::{Calibration, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
+use protocol::units::CentiRpm;
 use protocol::{Info, Settings, SpeedFrom};
 use sim::params::{Glycerol, Robot, Tank};
+use sim::steady::phase::Ratio;
 
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
 
@@ -359,8 +361,13 @@ fn trials_without_encoders_are_fitted_where_the_swing_tells_their_speeds() {
     robot.fluid.viscosity_pa_s = 0.9137;
     let truths = [robot.joint.tether_full_nm_per_rad, robot.fluid.viscosity_pa_s];
     let hidden = Hidden { robot, ..Hidden::default() };
-    let trials = [[47.3, -28.1], [-37.2, 61.9]]
-        .map(|speeds| without_encoders(hidden.trial(speeds, &mut draw), [speeds[0] * 1.08, speeds[1] * 0.94]));
+    let trials = [([47.3, -28.1], [52.0, -26.0]), ([-37.2, 61.9], [-40.0, 58.0])].map(|(speeds, commanded)| {
+        let trial = without_encoders(hidden.trial(speeds, &mut draw), commanded);
+        // Speeds at 2:1 are commanded, and nothing keeps them.
+        assert_eq!((trial.speeds(), trial.ratio()), (commanded.map(CentiRpm::from_rpm), None));
+        trial
+    });
+    assert!(Ratio::of(trials[0].speeds().map(CentiRpm::rpm)).is_some());
     let fit = |parameters: &[Parameter]| fitted(&Robot::published(), parameters, &trials);
     let told = fit(&[Parameter::Tether, Parameter::Viscosity]).unwrap();
     for (estimate, truth) in told.parameters.iter().zip(truths) {

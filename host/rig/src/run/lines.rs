@@ -95,6 +95,28 @@ pub fn measure(
     })
 }
 
+/// Corrects lines for the present supply, as a battery sags while they are measured and from day to day: each motor turns alone at 50
+/// rpm. Where the line does not reach that, or the swing does not tell the speed, the line stays.
+///
+/// # Errors
+/// [`RecordError`].
+pub fn follow_supply(link: &Link, interrupted: &AtomicBool, lines: &mut Lines) -> Result<(), RecordError> {
+    link.clear_fault()?;
+    stream::with_motors(link, || {
+        (0..2).try_for_each(|motor| {
+            let speeds = [0, 1].map(|k| CentiRpm::from_rpm(if k == motor { 50.0 } else { 0.0 }));
+            let Ok(duties) = lines.duties(speeds) else { return Ok(()) };
+            let half = Half { link, interrupted, motor, sense: 1 };
+            match half.told(&half.turn(&duties[motor..=motor])?, 1, duties[motor]) {
+                Ok(told) => told.into_iter().for_each(|rpm| lines.follow(speeds, [rpm; 2])),
+                Err(RecordError::NoSwing { .. }) => {}
+                Err(error) => return Err(error),
+            }
+            Ok(())
+        })
+    })
+}
+
 /// A motor that turns alone in one sense.
 struct Half<'a> {
     link: &'a Link,

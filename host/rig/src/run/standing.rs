@@ -66,8 +66,10 @@ impl Standing {
 
     /// Returns whether a motor makes no swing in the latest `part_s`.
     fn stands(&self, motor: usize, now_s: f64, part_s: f64) -> bool {
-        let rpm = self.target[motor].rpm();
-        if rpm == 0.0 || self.rates.front().is_none_or(|(first_s, _)| now_s - first_s < part_s) {
+        let [rpm, other] = [motor, 1 - motor].map(|k| self.target[k].rpm());
+        // At nearly one speed the swings of both motors cancel each other now and then.
+        let is_alone = (rpm - other).abs() > OFF * rpm.abs();
+        if rpm == 0.0 || !is_alone || self.rates.front().is_none_or(|(first_s, _)| now_s - first_s < part_s) {
             return false;
         }
         let from = self.rates.partition_point(|(time_s, _)| *time_s < now_s - part_s);
@@ -115,7 +117,8 @@ mod tests {
             let time_s = f64::from(tick) * 0.005;
             let mut rates = [0.4, -0.2];
             for k in (0..2).filter(|k| still != Some(*k) || time_s < 20.0) {
-                let (s, c) = (TAU * rpm[k] / 60.0 * 1.03 * time_s).sin_cos();
+                // Opposite swings.
+                let (s, c) = (TAU * (rpm[k] / 60.0 * 1.03 * time_s + 0.5 * k as f64)).sin_cos();
                 rates = [rates[0] + swing_dps[k] * c, rates[1] + swing_dps[k] * s];
             }
             let counts = |dps: f64| SensorCounts((dps * 131.0).round() as i16);
@@ -129,6 +132,13 @@ mod tests {
             };
             standing.frame(&frame, time_s).map(|motor| (motor, time_s - 20.0))
         })
+    }
+
+    #[test]
+    fn motors_at_one_speed_whose_swings_cancel_each_other_do_not_stand() {
+        for rpm in [[50.0, 50.0], [-33.0, -33.2]] {
+            assert_eq!(found(rpm, 100, [4.0, 4.0], None), None, "{rpm:?}");
+        }
     }
 
     #[test]

@@ -223,7 +223,7 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
     if settings.speed_from == SpeedFrom::Encoders {
         return Ok(None);
     }
-    let lines = match args.r#virtual {
+    let mut lines = match args.r#virtual {
         Some(_) => {
             let measured = lines::measure(link, interrupted, |what| colour::eprint(&format!("{what}\n")))?;
             link.command(Command::WriteSettings(measured.corrected(settings)))?;
@@ -240,7 +240,16 @@ fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Res
         }
     };
     // Before the first trial: a later one would end the session.
-    plan.trials.iter().try_for_each(|trial| Schedule::planned(trial).set_points(Some(&lines)).map(|_| ()))?;
+    let reached = |lines: &Lines| {
+        plan.trials.iter().try_for_each(|trial| Schedule::planned(trial).set_points(Some(lines)).map(|_| ()))
+    };
+    reached(&lines)?;
+    // A trial that does not wait for a still robot would begin with the end of this motion.
+    if plan.trials.iter().all(|trial| trial.phases.rest_at_most_s > 0.0) {
+        colour::eprint("checking the supply by the speed of each motor; 40 s\n");
+        lines::follow_supply(link, interrupted, &mut lines)?;
+        reached(&lines)?;
+    }
     Ok(Some(lines))
 }
 

@@ -71,7 +71,8 @@ pub struct OffTheLine {
 /// Ratios of the wanted to the reached duty that one trial may correct.
 const MOST_SAG: RangeInclusive<f64> = 0.85..=1.15;
 
-/// Part of a deviation that is corrected: the rest may be a wander of the motor that the next trial does not have.
+/// Part of a further deviation that is corrected: the rest may be a wander of the motor. The first one is corrected entirely, because
+/// the supply may have sagged by more.
 const FOLLOWED: f64 = 0.5;
 
 /// Lowest speed with a duty, as a share of the lowest measured speed.
@@ -107,7 +108,8 @@ impl Lines {
             // fast ones.
             let share = wanted.round() / turned;
             if turned_rpm[motor] * speeds[motor].rpm() > 0.0 && MOST_SAG.contains(&share) {
-                line.more += (1.0 + line.more) * FOLLOWED * (share - 1.0);
+                let part = if line.more == 0.0 { 1.0 } else { FOLLOWED };
+                line.more += (1.0 + line.more) * part * (share - 1.0);
             }
         }
     }
@@ -219,7 +221,9 @@ mod tests {
         let mut lines = lines();
         // Motor 2 stood.
         lines.follow(asked(50.0, -30.0), [45.0, 0.5]);
-        assert_eq!(lines.duties(asked(-30.0, -30.0)), Ok([104, 100]), "half of 100 by 93, in both senses");
+        assert_eq!(lines.duties(asked(-30.0, -30.0)), Ok([107, 100]), "100 by 93 at first, in both senses");
+        lines.follow(asked(50.0, -30.0), [45.0, 0.5]);
+        assert_eq!(lines.duties(asked(50.0, -30.0)), Ok([111, 100]), "half of what is left");
         // With a supply that is a tenth lower, a duty of 100 does what 90 did.
         let before = super::tests::lines().motor[0].clone();
         for rpm in [50.0, 75.0, 35.0, 60.0, 80.0] {

@@ -16,6 +16,7 @@ use biflag_log::{
 use protocol::units::CentiRpm;
 use protocol::{Settings, SpeedFrom};
 use sim::params::Robot;
+use sim::steady::phase::Ratio;
 use sim::trial::means::WINDOW;
 use sim::trial::quantity::SAMPLE_COLUMNS;
 use std::collections::BTreeMap;
@@ -293,6 +294,11 @@ impl Data {
     pub fn planned_speeds(&self) -> [CentiRpm; 2] {
         let trial = self.records.trial.as_ref();
         trial.map_or([CentiRpm(0); 2], |trial| [trial.w1_rpm, trial.w2_rpm].map(CentiRpm::from_rpm))
+    }
+
+    /// Returns the ratio of the speeds, if it is simple and encoders keep it: the phase of the flagella then matters.
+    pub fn ratio(&self) -> Option<Ratio> {
+        Ratio::of(self.speeds().map(CentiRpm::rpm)).filter(|_| !self.is_blind())
     }
 
     /// Returns the mean target speeds of a steered trial over a time; `None` for a trial that was not steered.

@@ -12,11 +12,9 @@ use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun, pool};
 use crate::session::{Attempt, Session};
 use crate::trial::{Data, Finding, Judged, LogFinding, Want};
 use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, RobotMeta, SteadyMeta, last_meta};
-use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::steady::phase::Ratio;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -217,9 +215,8 @@ fn prepare(
     data.check().map_err(|error| TwinError::unusable(data, error))?;
     let course = course(data, trial)?;
     let robot = robot.clone().map_or_else(|| data.robot().map_err(|source| TwinError::robot(data, source)), Ok)?;
-    let simple = Ratio::of(data.speeds().map(CentiRpm::rpm)).is_some();
     let is_known = data.records.board.as_ref().is_some_and(|board| board.angle_deg.is_some());
-    let needs_phase = simple
+    let needs_phase = data.ratio().is_some()
         && !is_known
         && [Origin::Rig, Origin::Imported].contains(&data.origin())
         && robot.flagellum.phase_deg == [0.0; 2];

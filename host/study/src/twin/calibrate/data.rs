@@ -8,7 +8,6 @@ use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
 use crate::twin::sensor_key::SensorKey;
 use biflag_log::Origin;
 use nalgebra::DVector;
-use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::steady::phase::Ratio;
@@ -40,7 +39,7 @@ pub struct FitTrial {
     /// The trial's robot and the closure of its model.
     pub(super) robot: Result<Robot, TwinError>,
     pub(super) closure: Option<Closure>,
-    /// The ratio of the speeds, if it is simple and encoders keep it: the phase of the flagella then matters.
+    /// As [`Data::ratio`].
     pub(super) ratio: Option<Ratio>,
     /// Whether it was recorded on a rig, with unknown starting angles of the flagella.
     pub(super) is_of_rig: bool,
@@ -124,7 +123,7 @@ impl FitTrial {
             is_real: data.is_real(),
             robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),
-            ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)).filter(|_| !data.is_blind()),
+            ratio: data.ratio(),
             is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
