@@ -5,7 +5,7 @@
 use crate::V3;
 use crate::simd::Simd;
 use std::f64::consts::TAU;
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
 /// Arrays are padded to a multiple of this, which every vector width divides.
 pub const PADDING: usize = 8;
@@ -171,7 +171,6 @@ operators! {
     Add, add, add_f64s;
     Sub, sub, sub_f64s;
     Mul, mul, mul_f64s;
-    Div, div, div_f64s;
 }
 
 impl<S: Simd> Neg for Wide<S> {

@@ -15,10 +15,9 @@ use crate::body::shaft::Shaft;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
 use crate::fluid::{Line, stokeslet_factor};
-use crate::lanes::{Vectors, Wide3};
+use crate::lanes::Vectors;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames, spin::SpinDrag};
-use crate::simd::{Kernel, Simd, dispatch};
 
 /// Motion of a shaft frame and the time formula of its rod.
 #[derive(Clone, Copy, Debug)]
@@ -59,9 +58,8 @@ pub struct Flagellum {
     /// The residual in the frames of the frozen inverse.
     reference: Vec<f32>,
     product: Vec<f32>,
-    /// Scratch of corrections edge by edge: their steps, and the edges that they move.
+    /// Scratch of corrections edge by edge.
     steps: Vectors,
-    edges: Vectors,
     /// The Gauss rule of far segments.
     pub rule: &'static [(f64, f64)],
     epsilon: f64,
@@ -90,7 +88,6 @@ impl Flagellum {
             reference: vec![0.0; 4 * n - 2],
             product: vec![0.0; Panels::padded(4 * n - 2)],
             steps: Vectors::new(n),
-            edges: Vectors::new(n),
             rule: gauss_rule(points),
             epsilon: robot.epsilon(),
             viscosity: robot.fluid.viscosity(),
@@ -281,11 +278,15 @@ impl Flagellum {
     fn apply_steps<T: Copy + Into<f64>>(&mut self, correction: &[T]) {
         let n = self.shape.nodes.len();
         let nodes = &mut self.shape.nodes;
-        self.edges.fill(n - 1, |e| nodes[e + 1] - nodes[e]);
-        dispatch(MoveEdges { edges: &mut self.edges, steps: &self.steps, count: n - 1 });
-        let mut end = nodes[1];
+        let (mut before, mut end) = (nodes[1], nodes[1]);
         for e in 1..n - 1 {
-            end += self.edges.at(e);
+            let (edge, step) = (nodes[e + 1] - before, self.steps.at(e));
+            before = nodes[e + 1];
+            let length = edge.norm();
+            let tangent = edge / length;
+            let along = step.dot(&tangent);
+            let rotated = edge + step - tangent * along;
+            end += rotated * ((length + along) / rotated.norm());
             nodes[e + 1] = end;
         }
         let angles = 3 * (n - CLAMPED);
@@ -335,29 +336,5 @@ impl Flagellum {
             }
         }
         flow
-    }
-}
-
-/// Moves edges by steps of one end against the other.
-struct MoveEdges<'a> {
-    edges: &'a mut Vectors,
-    steps: &'a Vectors,
-    count: usize,
-}
-
-impl Kernel for MoveEdges<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        for e in (0..self.count).step_by(S::F64_LANES) {
-            let (edge, step) = (self.edges.load(simd, e), self.steps.load(simd, e));
-            let length = edge.dot_unfused(edge).sqrt();
-            let [x, y, z] = edge.0;
-            let tangent = Wide3([x / length, y / length, z / length]);
-            let along = step.dot_unfused(tangent);
-            let rotated = edge + step - tangent * along;
-            self.edges.store(rotated * ((length + along) / rotated.dot_unfused(rotated).sqrt()), e);
-        }
     }
 }
