@@ -10,7 +10,11 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     if is_same_recording(a, b) {
         return Ok(Some("both are the same recording".to_owned()));
     }
-    if a.planned_speeds() != b.planned_speeds() {
+    // An import on the clock of a recording without encoders has the speeds that were measured.
+    let are_measured = |recording: &Data, other: &Data| {
+        recording.is_blind() && other.records.import.as_ref().is_some_and(|import| import.clock_rms_deg.is_some())
+    };
+    if a.planned_speeds() != b.planned_speeds() && !are_measured(a, b) && !are_measured(b, a) {
         let speeds = |data: &Data| data.planned_speeds().map(|speed| speed.rpm().to_string()).join(", ");
         return Ok(Some(format!("the speeds differ: {} and {} rpm", speeds(a), speeds(b))));
     }
