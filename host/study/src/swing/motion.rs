@@ -15,7 +15,7 @@ const LONGEST_S: f64 = 60.0;
 const SHORTEST_S: f64 = 10.0;
 
 /// Why there is no motion of a part.
-pub const TOO_FEW: &str = "the run is too short, or has too few readings";
+pub const TOO_FEW: &str = "the run is too short or has too few readings";
 
 /// Rates about x, y and z.
 pub struct Motion {
