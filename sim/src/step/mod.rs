@@ -40,7 +40,7 @@
 //!
 //! Shares of the processor's time, closure `full`, AVX-512: robot `published` at (90, 90) rpm without contact, at (90, 60)
 //! with light contact and at (-90, -80), where the flagella mesh; robot `physical` at (90, 90). Trials of 1200 s, and of 120 s
-//! at (-90, -80).
+//! at (-90, -80), of an earlier build.
 //!
 //! | part | free | light | hard | `physical` |
 //! | --- | --- | --- | --- | --- |
