@@ -185,8 +185,11 @@ pub(super) fn speeds(
     let part = |s: f64| Motion::of(angles_deg, settled_s.start.max(settled_s.end - s)..settled_s.end);
     // Where readings are missing, a part may have another interval.
     let parts: Vec<Motion> = lengths_s.filter_map(part).filter(|part| part.interval_s == motion.interval_s).collect();
-    let [part, longer @ ..] = &parts[..] else { return Err(TOO_FEW) };
-    let (of_part, found) = told(part, near)?;
+    // Noise, or speeds that are nearly one, may need a longer part.
+    let mut all = (0..parts.len()).map(|i| told(&parts[i], near).map(|told| (i, told)));
+    let first = all.next().unwrap_or(Err(TOO_FEW));
+    let (i, (of_part, found)) = first.or_else(|reason| all.find_map(Result::ok).ok_or(reason))?;
+    let (part, longer) = (&parts[i], &parts[i + 1..]);
     let grown = |hz: [f64; 2]| {
         let reach = hz.map(|f| if f == 0.0 { 0.0 } else { 1.0 / part.length_s });
         let first = followed(Fitter::new(part).without_shaking(&found), hz, reach)?;
@@ -194,7 +197,7 @@ pub(super) fn speeds(
     };
     let (fitter, fit) = grown(of_part.hz).ok_or(TOUCH)?;
     let uncertainty = uncertainty_rpm(&fitter, &fit, motion.length_s);
-    if fit.left.iter().any(|left| *left > MOST_LEFT) || uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
+    if fit.leaves_much() || uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
         return Err(TOUCH);
     }
     let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);
@@ -287,7 +290,7 @@ fn has_too_weak(fit: &Fit) -> bool {
 /// Returns why the best reading of a motion is not accepted; `None` if it is.
 fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'static str> {
     let [one, other] = fit.hz.map(|f| f * length_s);
-    if fit.left.iter().any(|left| *left > MOST_LEFT) || score < LEAST_SCORE {
+    if fit.leaves_much() || score < LEAST_SCORE {
         return Some(TOUCH);
     }
     if is_labelled {
@@ -296,11 +299,10 @@ fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'st
     let is_told = match [fit.motor(0), fit.motor(1)] {
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
             let rpm = fit.hz.map(|f| f * 60.0);
-            let is_hidden = (0..2).any(|k| beside_the_other(rpm, k) < HIDDEN);
-            if is_hidden
-                || fit.hides_one()
-                || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns))
-            {
+            let slow = usize::from(rpm[1].abs() < rpm[0].abs());
+            // A fast flagellum that wraps also swings the base as a slow motor does, in either sense.
+            let is_hidden = rpm[1 - slow] < 0.0 && (beside_the_other(rpm, slow) < HIDDEN || fit.hides_one());
+            if is_hidden || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns)) {
                 return Some("the swing of one motor hides that of the other");
             }
             agreement(fit) > LEAST_AGREEMENT

@@ -1,5 +1,6 @@
 //! Lines of two frequencies, their sums and differences, fitted to a motion.
 
+use super::MOST_LEFT;
 use super::motion::Motion;
 use crate::attitude::Columns;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -65,12 +66,19 @@ pub struct Fit {
     pub lines: Vec<Line>,
     /// Unexplained share of the squares of the motion: in the plane, and about z.
     pub left: [f64; 2],
+    /// Part of these shares that may be noise.
+    pub noise: [f64; 2],
 }
 
 impl Fit {
     /// Returns the line of a motor.
     pub fn motor(&self, motor: usize) -> Option<&Line> {
         self.lines.iter().find(|line| line.of[motor] == 1 && line.of[1 - motor] == 0)
+    }
+
+    /// Returns whether its lines leave more of the motion unexplained than those of two motors do.
+    pub fn leaves_much(&self) -> bool {
+        self.left.iter().zip(self.noise).any(|(left, noise)| left - noise > MOST_LEFT)
     }
 
     /// Returns whether one motor's swing is so weak that it may be a part of the other's.
@@ -337,11 +345,14 @@ impl<'a> Fitter<'a> {
         let [x, y, z] = [0, 1, 2].map(|axis| solved.residuals.column(axis).norm_squared());
         let share = |left: f64, all: f64, axes: f64| {
             // Less than the expected noise is subtracted: a fit may explain some of it by chance.
-            let noise = axes * self.noise * (1.0 - 3.0 * (2.0 / self.motion.t.len() as f64).sqrt()).max(0.0);
-            (left - noise).max(0.0) / (all - noise).max(1e-12)
+            let scatter = (3.0 * (2.0 / self.motion.t.len() as f64).sqrt()).min(1.0);
+            let (noise, all_noise) = (axes * self.noise * (1.0 - scatter), axes * self.noise);
+            let swing = (all - noise).max(1e-12);
+            [(left - noise).max(0.0) / swing, all_noise * scatter / swing]
         };
-        let left = [share(x + y, self.square[0] + self.square[1], 2.0), share(z, self.square[2], 1.0)];
-        Fit { hz, lines: lines.iter().enumerate().map(line).collect(), left }
+        let [plane, about_z] = [share(x + y, self.square[0] + self.square[1], 2.0), share(z, self.square[2], 1.0)];
+        let lines = lines.iter().enumerate().map(line).collect();
+        Fit { hz, lines, left: [plane[0], about_z[0]], noise: [plane[1], about_z[1]] }
     }
 
     /// Returns a Gauss-Newton step of both frequencies, from the motors' own lines only: mixed lines would follow a shaking of

@@ -357,17 +357,20 @@ fn shares_of_speeds() {
             for (regime, told) in told(&truths, way, &parts_s) {
                 let count = told.errors_rpm.len();
                 println!("{regime}: {told}");
-                let is_clear = regime == "opposite" || regime == "both unwrap";
                 assert!(told.wrong * 30 <= told.asked, "{way:?}, {regime}");
                 // In the other regimes few speeds are estimated, and their lines are pulled.
-                let least = if is_clear { 90 } else { 70 };
+                let least = if CLEAR.contains(&regime) { 90 } else { 70 };
                 assert!(told.covered * 100 >= count * least, "{way:?}, {regime}");
-                let least = if way == Way::Shaken { 75 } else { 90 };
-                assert!(!is_clear || count * 100 >= 2 * told.asked * least, "{way:?}, {regime}");
+                // Where the fast one of two motors wraps, its flagellum hides the swing of a slow one.
+                let least = if regime == "one much slower" { 70 } else { 90 };
+                assert!(!CLEAR.contains(&regime) || count * 100 >= 2 * told.asked * least, "{way:?}, {regime}");
             }
         }
     }
 }
+
+/// Regimes in which nearly all speeds are told.
+const CLEAR: [&str; 3] = ["opposite", "both unwrap", "one much slower"];
 
 fn told(truths: &[Truth], way: Way, parts_s: &[Range<f64>]) -> BTreeMap<&'static str, Told> {
     let mut all: BTreeMap<_, Told> = BTreeMap::new();
@@ -385,8 +388,8 @@ fn regime(rpm: [f64; 2], part_s: &Range<f64>) -> &'static str {
     match ((a - b).abs() / 60.0 * (part_s.end - part_s.start) < 2.0, rpm[0] < 0.0, rpm[1] < 0.0) {
         _ if a.min(b) < SLOWEST_RPM => "a slow one",
         (true, ..) => "equally fast",
-        _ if a.min(b) < 0.4 * a.max(b) => "one much slower",
         (_, true, true) => "both wrap",
+        _ if a.min(b) < 0.4 * a.max(b) => "one much slower",
         (_, false, false) => "both unwrap",
         _ => "opposite",
     }
@@ -448,7 +451,11 @@ fn a_population_is_told_and_not_doubted() {
         }
         println!("\n{count} {name}: false alarms {alarms}");
         all.iter().for_each(|(regime, told)| println!("{regime}: {told}"));
-        assert!(alarms <= most, "{alarms}");
+        let clear = || CLEAR.iter().filter_map(|regime| all.get(regime));
+        let (asked, told): (usize, usize) =
+            (clear().map(|told| 2 * told.asked).sum(), clear().map(|told| told.errors_rpm.len()).sum());
+        println!("all clear ones: told {} of {}", told / 2, asked / 2);
+        assert!(alarms <= most && told * 100 >= 95 * asked, "{alarms} alarms, told {told} of {asked}");
     }
 }
 
