@@ -121,6 +121,19 @@ fn what_is_missing_is_asked_for() {
     assert!(!Path::new(&folder.join("t.mcap")).exists());
     let (code, said) = run(columns, &["--speeds", "5,1", "--run", "1,3"]);
     assert_eq!(code, Some(3), "not settled: {said}");
+    // A note is said with its label, and is not grave.
+    for command in ["info", "report"] {
+        let said = biflag(folder, &[command, "t.mcap"]);
+        let lines = String::from_utf8_lossy(&said.stdout).into_owned();
+        let note = lines.lines().find(|line| line.ends_with(": state it with --uncertainty"));
+        assert!(note.is_some_and(|line| line.starts_with("note: ")), "{command}: {lines}");
+    }
+    let info = json(&biflag(folder, &["info", "t.mcap", "--json"]));
+    let findings = info["findings"].as_array().expect("findings");
+    assert!(
+        findings.iter().any(|said| said["cure"] == "state it with --uncertainty" && said["grave"] == false),
+        "{info}"
+    );
     // Of an import that no fit takes, `compare` does not say that a fit finds the phase of its flagella.
     let columns = [columns, "--speeds", "5,5", "--run", "1,3", "-o", "equal.mcap"];
     let import = biflag(folder, &[&["import", "t.csv", "--columns"][..], &columns].concat());

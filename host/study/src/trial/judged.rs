@@ -81,20 +81,22 @@ mod tests {
     use crate::trial::findings::Rule;
     use crate::trial::{Collector, FindingKind, Records};
     use biflag_log::FORMAT;
-    use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, event::Kind};
+    use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Vector, event::Kind};
 
     fn data() -> Data {
         let mut collector = Collector::new(Want::default(), FORMAT);
-        for tick in 0..4000 {
+        collector.event(0.0, Kind::Phase, "preroll");
+        for tick in 0..6000 {
             let time_s = 0.005 * f64::from(tick);
-            if tick == 2000 {
+            if tick == 4000 {
                 collector.event(time_s, Kind::Phase, "run");
             }
-            let target_rpm = if tick < 2000 { 0.0 } else { 50.0 };
+            let target_rpm = if tick < 4000 { 0.0 } else { 50.0 };
             let motor = Some(Motor { target_rpm, ..Motor::default() });
             let attitude = Some(Quaternion { w: 1.0, ..Quaternion::default() });
-            let (imu_fresh, motor1, motor2) = (true, motor, motor);
-            collector.telemetry(&Telemetry { time_s, imu_fresh, attitude, motor1, motor2, ..Telemetry::default() });
+            let angular_velocity_dps = Some(Vector::default());
+            let still = Telemetry { time_s, imu_fresh: true, attitude, angular_velocity_dps, ..Telemetry::default() };
+            collector.telemetry(&Telemetry { motor1: motor, motor2: motor, ..still });
         }
         collector.finish("a.mcap".as_ref(), Records::default())
     }
@@ -105,15 +107,22 @@ mod tests {
         static ROW: [Rule; 1] = [Rule::warning(FindingKind::Conduct, "mend it", |data, _| {
             Some(format!("{} readings", data.readings.len()))
         })];
-        let [table, row] = [TABLE.to_vec(), vec![Section { is_judged: |_| true, rules: &ROW }]];
-        let of = |table: &[Section]| Judged::by(table, data(), 20.0..20.0);
+        static NOTE: [Rule; 1] = [Rule::note(FindingKind::Conduct, "", |_, _| Some("so it is".to_owned()))];
+        let of_rules = |rules: &'static [Rule]| vec![Section { is_judged: |_| true, rules }];
+        let [table, row, note] = [TABLE.to_vec(), of_rules(&ROW), of_rules(&NOTE)];
+        let of = |table: &[Section]| Judged::by(table, data(), 30.0..30.0);
         let (before, after, alone) = (of(&table), of(&[table.clone(), row.clone()].concat()), of(&row));
         assert_eq!(after.findings.len(), before.findings.len() + 1);
         let said = after.findings.last().unwrap().to_string();
-        assert_eq!(said, "4000 readings: mend it");
+        assert_eq!(said, "6000 readings: mend it");
         assert_eq!(after.log_findings().last().unwrap().log, "a.mcap");
         // A warning removes the uncertainties.
-        assert!(alone.steady_angles().is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()));
+        let yaw_uncertainty_deg = |judged: &Judged| judged.steady_angles().unwrap().yaw_uncertainty_deg;
+        assert_eq!(yaw_uncertainty_deg(&alone), None);
+        // A note does not.
+        let [bare, noted] = [of(&[]), of(&note)];
+        assert!(!noted.findings[0].grave && yaw_uncertainty_deg(&noted) == yaw_uncertainty_deg(&bare));
+        assert!(yaw_uncertainty_deg(&bare).is_some());
         let plan = Plan::of_speeds([5000, 1000].map(protocol::units::CentiRpm), "", "").unwrap();
         let trials = session::table("a", &[Summary::new(&plan.trials[0], after, String::new())]);
         let texts = trials.columns.iter().filter_map(|column| match &column.values {

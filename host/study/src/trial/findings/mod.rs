@@ -76,7 +76,8 @@ impl Rule {
         Self { kind, gravity: Gravity::Warning, cure, test: Test::Each(test) }
     }
 
-    const fn note(kind: FindingKind, cure: &'static str, test: One) -> Self {
+    /// Creates a row for what leaves the numbers as they are.
+    pub(super) const fn note(kind: FindingKind, cure: &'static str, test: One) -> Self {
         Self::new(kind, Gravity::Note, cure, test)
     }
 
