@@ -57,7 +57,7 @@ pub(super) fn draw(fits: &[Named], width_mm: f64) -> String {
         let ends = of_fits.iter().flat_map(|(_, p, _)| [p.start, p.value, p.interval_95[0], p.interval_95[1]]);
         let axis = Axis::about(ends, 1e-12, "");
         let at = |value: f64| left + (value - axis.low) / (axis.high - axis.low) * width;
-        let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+        let unit = if matches!(unit, "" | "1") { String::new() } else { format!(" ({unit})") };
         sheet.text(left, top + 0.8 * FONT_PT, "start", &format!("{}{unit}", name.replace('_', " ")));
         if let [(_, p, _)] = of_fits[..] {
             let [low, high] = p.interval_95.map(figure);

@@ -83,7 +83,8 @@ pub(super) fn cannot_tell(
         };
         if !is_known {
             let [low, high] = [low, high].map(|bound| text::figure(*bound));
-            said.push(format!("{name} is not determined: its 95 % interval is {low} to {high} {unit}"));
+            let interval = format!("{low} to {high} {unit}");
+            said.push(format!("{name} is not determined: its 95 % interval is {}", interval.trim_end_matches(" 1")));
         }
     }
     said
