@@ -47,7 +47,7 @@ const ONE_SWING: f64 = 0.5;
 const HIDDEN: f64 = 0.075;
 
 /// Relative 95 % uncertainty of the mean speed of a motor without encoder, because the speed wanders.
-const WANDER: f64 = 0.005;
+pub const WANDER: f64 = 0.005;
 
 /// Largest relative error of a label from a board's encoders.
 const WELL_KNOWN: f64 = 0.02;
@@ -307,9 +307,9 @@ impl SwingSpeeds {
         blind::speeds(trial.angles_deg, trial.settled_s.clone(), Some(trial)).ok()
     }
 
-    /// Returns the speeds with the uncertainty of motors without encoders, whose speeds wander.
-    pub(crate) fn that_wander(mut self) -> Self {
-        let widened = |rpm: Option<f64>, u: Option<f64>| Some(hypot(u?, WANDER * rpm?));
+    /// Returns the speeds with a further relative error of both, 95 %.
+    pub(crate) fn with_error(mut self, share: f64) -> Self {
+        let widened = |rpm: Option<f64>, u: Option<f64>| Some(hypot(u?, share * rpm?));
         self.measured_w1_uncertainty_rpm = widened(self.measured_w1_rpm, self.measured_w1_uncertainty_rpm);
         self.measured_w2_uncertainty_rpm = widened(self.measured_w2_rpm, self.measured_w2_uncertainty_rpm);
         self

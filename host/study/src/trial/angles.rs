@@ -34,6 +34,8 @@ pub struct Steady {
     pub settle_s: Option<f64>,
     /// The part of the run in which the robot swings steadily, or why there is none.
     pub(super) swing_s: Result<Range<f64>, &'static str>,
+    /// Relative 95 % uncertainty of the rate of the board's clock.
+    pub(super) clock_95: f64,
     /// The speeds measured from this swing; computed on demand, because this takes time.
     pub(super) measured: OnceLock<SwingSpeeds>,
     /// The modelled motion of an imported robot, also computed on demand.
@@ -96,7 +98,7 @@ pub(super) fn settled_s(run: &Range<f64>) -> Range<f64> {
 impl Steady {
     /// Returns the speeds measured from the swing of the robot.
     pub fn measured(&self, angles_deg: &Columns<3>) -> &SwingSpeeds {
-        self.measured.get_or_init(|| SwingSpeeds::of(angles_deg, self.swing_s.clone()))
+        self.measured.get_or_init(|| SwingSpeeds::of(angles_deg, self.swing_s.clone()).with_error(self.clock_95))
     }
 
     /// Returns the causes of uncertainty of all angles.

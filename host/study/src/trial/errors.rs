@@ -37,7 +37,7 @@ pub(super) struct Errors {
     shares: [f64; PARAMETERS],
     bias_noise: [BiasNoise; 3],
     from_s: f64,
-    clock: ClockRate,
+    pub clock: ClockRate,
 }
 
 impl Errors {

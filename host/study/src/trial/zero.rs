@@ -179,6 +179,7 @@ impl Zeroed {
             settled,
             settle_s,
             swing_s: swing_s(data, &self.run),
+            clock_95: if let Known::Sensor(errors) = &self.known { 1.96 * errors.clock.error.u } else { 0.0 },
             measured: match self.is_model() {
                 true => OnceLock::from(SwingSpeeds::unknown("a model has the speeds of its trial")),
                 false => OnceLock::new(),

@@ -4,7 +4,8 @@
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, wrapped};
 use crate::swing::{
-    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, label, leans_deg, other_sides, scaled, turned_deg,
+    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg, other_sides, scaled,
+    turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
@@ -87,7 +88,7 @@ pub(crate) fn speeds_without_encoders<'a>(data: &Data, zeroed: &Zeroed, steady: 
     steady.measured.get_or_init(|| {
         let alone = SwingSpeeds::of(&zeroed.angles_deg, steady.swing_s.clone());
         let near = alone.not_measured.and_then(|_| SwingSpeeds::near(&labelled(data, zeroed).ok()?));
-        near.unwrap_or(alone).that_wander()
+        near.unwrap_or(alone).with_error(hypot(WANDER, steady.clock_95))
     })
 }
 
