@@ -45,12 +45,12 @@ fn number(value: &Value) -> f64 {
 
 /// Converts a model's log to a rig's. `change` modifies each frame; it returns false if the frame is lost.
 fn as_of_a_rig(model: &Path, rig: &Path, summary: bool, change: impl FnMut(&mut Telemetry) -> bool) {
-    as_of_a_rig_that_spoke(protocol::VERSION, model, rig, summary, change);
+    as_of_a_rig_with((protocol::VERSION, &protocol::Settings::DEFAULT), model, rig, summary, change);
 }
 
-/// Like [`as_of_a_rig`], with a version of the protocol.
-fn as_of_a_rig_that_spoke(
-    version: u8,
+/// Like [`as_of_a_rig`], with a version of the protocol and the settings of the board.
+fn as_of_a_rig_with(
+    (version, settings): (u8, &protocol::Settings),
     model: &Path,
     rig: &Path,
     summary: bool,
@@ -63,7 +63,7 @@ fn as_of_a_rig_that_spoke(
     let plan = Plan::parse(&meta.text, "plan").unwrap();
     let trial = plan.trials.iter().find(|planned| planned.name == trial.name).unwrap();
     let time = SystemTime::now();
-    let board = board::to_log(&protocol::Info::default(), &protocol::Settings::DEFAULT);
+    let board = board::to_log(&protocol::Info::default(), settings);
     let start = run::start(&plan, trial, 1, Origin::Rig, Some(board), time);
     let mut log = Writer::create(rig, &start, time).unwrap();
     // The last record counts.
@@ -324,7 +324,7 @@ fn imperfect_logs_give_warnings_or_errors() {
     let compared = compare("fault.mcap", 3);
     warned(&compared, "the board stopped at 60.0 s (motor1 stalled)");
 
-    as_of_a_rig_that_spoke(9, &model, &folder.join("old.mcap"), true, |_| true);
+    as_of_a_rig_with((9, &protocol::Settings::DEFAULT), &model, &folder.join("old.mcap"), true, |_| true);
     let compared = compare("old.mcap", 3);
     warned(&compared, "recorded with protocol 9, of which this program knows");
     assert!(number(&compared["trials"][0]["pitch_rmse_deg"]) < 0.2, "{compared}");
@@ -351,6 +351,28 @@ fn imperfect_logs_give_warnings_or_errors() {
     assert!(expect(&biflag(folder, &["simulate", "--from", "blind.mcap"]), 1).contains("contains no motor speeds"));
     std::fs::write(folder.join("text.mcap"), "no log").unwrap();
     assert!(expect(&biflag(folder, &["compare", "text.mcap"]), 2).contains("not an MCAP file"));
+}
+
+/// The replay begins with its motors at other angles, so a slow approach of nearly equal speeds differs.
+#[test]
+fn without_encoders_a_slow_approach_is_in_the_uncertainty_of_a_comparison() {
+    let bench =
+        bench("[trial]\ncalibrate = 40\npreroll = 12\nrun = 76\ndecay = 4\n[speeds]\npairs = [[31.06, 27.2]]\n");
+    let folder = bench.path();
+    let settings = protocol::Settings { speed_from: protocol::SpeedFrom::Duty, ..protocol::Settings::DEFAULT };
+    let model = folder.join("session/001_w1+31.06_w2+27.2.mcap");
+    let mut sensor = Sensor::new(1);
+    as_of_a_rig_with((protocol::VERSION, &settings), &model, &folder.join("blind.mcap"), true, |frame| {
+        sensor.spoil(frame);
+        true
+    });
+    let said = |command| serde_json::from_slice::<Value>(&biflag(folder, &[command, "blind.mcap", "--json"]).stdout);
+    let (info, compared) = (said("info").unwrap(), said("compare").unwrap());
+    for angle in compared["trials"][0]["angles"].as_array().unwrap() {
+        let own = number(&info["angles"][format!("{}_uncertainty_deg", angle["angle"].as_str().unwrap())]);
+        let of_both = number(&angle["uncertainty"]["total_deg"]);
+        assert!(of_both > own, "{angle}: {own} of one");
+    }
 }
 
 /// A steady state is the end of a run: its log has no start that could be laid over another trial's.

@@ -128,7 +128,9 @@ impl Folder {
             let started_s = thread_s();
             let point = self.sweep.point(index.into());
             let Some((outcome, sweeps)) = compute(&point, plan, &at_rest, &goes_on) else { return };
-            let cost = Cost { processor_s: micros(thread_s() - started_s), sweeps };
+            // In microseconds; more digits would be noise in the table.
+            let processor_s = (1e6 * (thread_s() - started_s)).round() / 1e6;
+            let cost = Cost { processor_s, sweeps };
             let record = Record { index: point.index, name: point.name, outcome, cost };
             each(&record);
             if let Err(error) = lock(&part).push(record) {
@@ -157,11 +159,6 @@ impl Folder {
         let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
         broken.map_or_else(|| part.close().map_err(SweepError::at(&self.path)), Err)
     }
-}
-
-/// Rounds to microseconds; more digits would be noise in the table.
-fn micros(seconds: f64) -> f64 {
-    (1e6 * seconds).round() / 1e6
 }
 
 impl Folder {

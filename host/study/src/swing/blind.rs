@@ -151,8 +151,7 @@ pub fn speed_alone(angles_deg: &Columns<3>, part_s: Range<f64>) -> Result<(f64, 
         fit = fit.read([-1.0, 1.0], false);
     }
     let rpm = fit.hz[0] * fitter.rates()[0] * 60.0;
-    let [turns, opposite] = [size(line.turns), size(line.opposite)];
-    if turns.max(opposite) < LEAST_LINE * in_plane_dps(rpm.abs()) {
+    if size(line.turns).max(size(line.opposite)) < LEAST_LINE * in_plane_dps(rpm.abs()) {
         return Err(NO_LINE);
     }
     if fit.left[0] > MOST_LEFT {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use sim::functions::{hypot, powi};
 
 /// Name of the cause for the rest of a slow approach, which the run does not include.
-pub(crate) const TO_COME: &str = "slow approach";
+pub const TO_COME: &str = "slow approach";
 
 /// How an uncertainty was evaluated (GUM, 3.3.5).
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]

@@ -36,7 +36,7 @@ mod zeroing;
 pub use crate::swing::SwingSpeeds;
 pub use angles::{Angles, Steady};
 
-pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
+pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, TO_COME, Term};
 pub use collect::Collector;
 pub use data::{Data, Event, LinkSecond, MOTORS, OPERATOR, Records, Times, Want};
 pub use fields::{FRAME, Field, TRUTH};

@@ -4,7 +4,7 @@ use super::aligned::Aligned;
 use super::comparison::Uncertainty;
 use super::pair::{Pair, Side};
 use crate::statistics::student_95;
-use crate::trial::{Budget, CommonTo};
+use crate::trial::{Budget, CommonTo, TO_COME, Term};
 use std::ops::Range;
 
 /// Steady yaw, pitch and roll of both trials, averaged over the same time.
@@ -62,7 +62,14 @@ impl SteadyPair {
     /// trial's own errors; `None` for an angle whose causes are unknown.
     pub fn budgets(&self, pair: &Pair) -> [Option<(Budget, f64)>; 3] {
         let is_same = pair.is_of_one_sensor();
-        let of = |side: &Side| side.zeroed.budgets(&side.on_clock(&self.window));
+        // Without encoders the motors of both trials start at other angles, so their slow approaches do not cancel.
+        let is_blind = pair.measured.data.is_blind() || pair.modelled.data.is_blind();
+        let of = |side: &Side| match side.steady.of_model.unwrap_or_default() {
+            deg if is_blind => [0, 1, 2].map(|k| {
+                Some(side.steady.budgets[k].clone()?.with(Term::of_trial(TO_COME, 0.5 * deg[k], f64::INFINITY)))
+            }),
+            _ => side.zeroed.budgets(&side.on_clock(&self.window)),
+        };
         let (measured, modelled) = (of(&pair.measured), of(&pair.modelled));
         [0, 1, 2].map(|k| {
             let (one, other) = (measured[k].as_ref()?, modelled[k].as_ref()?);
