@@ -31,7 +31,7 @@ pub enum LinkError {
     #[diagnostic(code(wrong_use), help("`biflag doctor` says which board is on which port"))]
     SeveralBoards { available: Vec<String> },
     /// Another program uses the port.
-    #[error("{path} is busy: another program has it open{}", holder_text(.holder))]
+    #[error("{path} is busy: another program has it open{}", .holder.as_ref().map(|name| format!(" ({name})")).unwrap_or_default())]
     #[diagnostic(help("close that program and try again"))]
     Busy { path: String, holder: Option<String> },
     /// The user may not open the port.
@@ -136,8 +136,4 @@ fn present(available: &[String]) -> String {
         [] => "no board is plugged in; `biflag doctor` shows more".into(),
         ports => format!("available: {}", ports.join(", ")),
     }
-}
-
-fn holder_text(holder: &Option<String>) -> String {
-    holder.as_ref().map(|name| format!(" ({name})")).unwrap_or_default()
 }

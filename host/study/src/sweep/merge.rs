@@ -8,7 +8,7 @@
 use super::buckets::Buckets;
 use super::compute::{Origin, Record};
 use super::folder::{Folder, Parts};
-use super::point::{Name, Points};
+use super::point::Points;
 use super::table::{cost_table, table};
 use super::{SweepError, cost_path, csv_path, parquet_path};
 use crate::export::table::Table;
@@ -117,7 +117,9 @@ impl Folder {
                 origins.len() as u32 - 1
             });
             done.add(record.index);
-            buckets.push(bucket_of(&record.name, count), &(number, record)).map_err(at)
+            // Buckets are equal intervals of all names.
+            let bucket = (u128::from(record.name.number()) * u128::from(count)) >> 64;
+            buckets.push(bucket as usize, &(number, record)).map_err(at)
         })?;
         Ok(Collected { buckets, count: count as usize, origins, done, parts })
     }
@@ -152,11 +154,6 @@ impl Folder {
         cost.close()?;
         Ok(merged)
     }
-}
-
-/// Returns the bucket of a name: `count` equal intervals of all names.
-fn bucket_of(name: &Name, count: u64) -> usize {
-    ((u128::from(name.number()) * u128::from(count)) >> 64) as usize
 }
 
 /// Sorts results, each with the number of its origin, by name, and keeps one per point. Returns the number of points

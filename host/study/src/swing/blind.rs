@@ -184,10 +184,11 @@ pub(super) fn speeds(
     let part = |s: f64| Motion::of(angles_deg, settled_s.start.max(settled_s.end - s)..settled_s.end);
     // Where readings are missing, a part may have another interval.
     let parts: Vec<Motion> = lengths_s.filter_map(part).filter(|part| part.interval_s == motion.interval_s).collect();
-    // Noise, or speeds that are nearly one, may need a longer part.
+    // Noise, or speeds that are nearly one, may need a longer part, whose lines must go on to the end.
     let mut all = (0..parts.len()).map(|i| told(&parts[i], near).map(|told| (i, told)));
     let first = all.next().unwrap_or(Err(TOO_FEW));
-    let (i, (of_part, found)) = first.or_else(|reason| all.find_map(Result::ok).ok_or(reason))?;
+    let goes_on = |(_, (fit, _)): &(usize, (Fit, _))| goes_on(&parts[0], fit);
+    let (i, (of_part, found)) = first.or_else(|reason| all.flatten().next().filter(goes_on).ok_or(reason))?;
     let (part, longer) = (&parts[i], &parts[i + 1..]);
     let grown = |hz: [f64; 2]| {
         let reach = hz.map(|f| if f == 0.0 { 0.0 } else { 1.0 / part.length_s });
@@ -219,6 +220,17 @@ pub(super) fn speeds(
         not_measured: None,
         over_time: fitter.speeds_rpm(&fit, settled_s.end),
     })
+}
+
+/// Returns whether both motors swing a part at least half as much: a motor may have stopped before it.
+fn goes_on(part: &Motion, fit: &Fit) -> bool {
+    let swing = |fit: &Fit, k: usize| match fit.motor(k) {
+        Some(line) => size(line.turns),
+        // Motors of opposite senses may share a line.
+        None => fit.motor(0).map_or(0.0, |line| size(line.opposite)),
+    };
+    let short = Fitter::new(part).refined(fit.hz, [0.0; 2], 0).filter(|short| !short.leaves_much());
+    short.is_some_and(|short| (0..2).all(|k| 2.0 * swing(&short, k) > swing(fit, k)))
 }
 
 /// Returns a fit near two frequencies, on times that follow wandering speeds.

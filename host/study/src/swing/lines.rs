@@ -106,7 +106,7 @@ impl Fit {
 
 /// Fits lines to one motion.
 pub struct Fitter<'a> {
-    motion: &'a Motion,
+    pub motion: &'a Motion,
     /// Times on which each motor turns steadily.
     t: [Vec<f64>; 2],
     rates: DMatrix<f64>,
@@ -159,11 +159,6 @@ impl<'a> Fitter<'a> {
         [(x + y).sqrt(), z.sqrt()]
     }
 
-    /// Returns the length of the motion, s.
-    pub fn length_s(&self) -> f64 {
-        self.motion.length_s
-    }
-
     /// Returns the power at a frequency, at its opposite and about z, as shares of the swing.
     fn power(&self, hz: f64, rates: &DMatrix<f64>) -> [f64; 3] {
         let count = self.motion.t.len();
@@ -192,7 +187,7 @@ impl<'a> Fitter<'a> {
 
     /// Returns the power that turns forwards in a range of frequencies, and the power that turns backwards.
     pub fn sides(&self, hz: Range<f64>) -> [f64; 2] {
-        let step = 0.5 / self.length_s();
+        let step = 0.5 / self.motion.length_s;
         let count = ((hz.end - hz.start) / step).ceil() as usize + 2;
         let powers = (0..=count).map(|i| self.power(hz.start + (i as f64 - 1.0) * step, &self.rates));
         powers.fold([0.0; 2], |sum, [forwards, backwards, _]| [sum[0] + forwards, sum[1] + backwards])

@@ -454,7 +454,7 @@ impl Readings<'_> {
 
     /// Returns the best score of speeds near these, and its fit.
     fn at(&self, rpm: [f64; 2], steps: usize) -> Option<(f64, Fit)> {
-        let length_s = self.fitter.length_s();
+        let length_s = self.fitter.motion.length_s;
         let reach_hz = rpm.map(|w| (w.abs() * self.trial.off.0 + self.trial.off.1) / 60.0);
         let mut hz = rpm.map(|w| w / 60.0);
         let are_near = (hz[0].abs() - hz[1].abs()).abs() * length_s < 1.5;

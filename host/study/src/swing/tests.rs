@@ -196,6 +196,13 @@ fn motors_that_stop_early_are_seen() {
     still.angles_deg.values = [0, 1, 2].map(|_| vec![0.0; still.turned_s.len()]);
     assert_eq!(still.label(truth.rpm, SETTLING_S..48.0), Label::HardlySwings(Swing::Whole));
     assert_eq!(blind::speeds(&still.angles_deg, SETTLING_S..48.0, None), Err("the robot hardly swings"));
+    // One of two motors stops before the end: no mean speed of an earlier part is told.
+    let (both, one) = ([50.3, -48.5], [50.3, 0.0]);
+    let points = [(0.0, [0.0; 2]), (0.5, both), (57.5, both), (58.0, one), (76.0, one)];
+    let truth = Truth::by(&Robot::default(), both, SpeedProfile::from_points(&points).unwrap());
+    let trace = Trace::of(&truth, Way::Recorded, 4);
+    let told = blind::speeds(&trace.angles_deg, SETTLING_S..75.0, None);
+    assert!(told.is_err(), "{told:?}");
 }
 
 #[test]

@@ -82,8 +82,7 @@ pub(super) fn cannot_tell(
             high / value < MAX_FACTOR && value / low < MAX_FACTOR
         };
         if !is_known {
-            let [low, high] = [low, high].map(|bound| text::figure(*bound));
-            let interval = format!("{low} to {high} {unit}");
+            let interval = format!("{} to {} {unit}", text::figure(*low), text::figure(*high));
             said.push(format!("{name} is not determined: its 95 % interval is {}", interval.trim_end_matches(" 1")));
         }
     }
