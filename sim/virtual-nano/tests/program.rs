@@ -82,10 +82,9 @@ fn hello(port: &mut File, limit: Duration) -> Option<Info> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(&Request { seq, command: Order::Hello }, &mut buffer).unwrap();
         port.write_all(frame).unwrap();
-        let mut bytes = [0; 256];
-        let length = port.read(&mut bytes).unwrap();
-        for byte in &bytes[..length] {
-            if let Some(Ok(Message::Reply { reply: Reply::Info(info), .. })) = accumulator.push(*byte) {
+        // Byte by byte: what follows the answer, such as half of an answer to a repeated request, is left to the caller.
+        for byte in (&*port).bytes() {
+            if let Some(Ok(Message::Reply { reply: Reply::Info(info), .. })) = accumulator.push(byte.unwrap()) {
                 return Some(info);
             }
         }
