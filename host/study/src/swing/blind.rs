@@ -1,7 +1,8 @@
 //! Estimates the speeds of the motors from the motion alone.
 
 use super::causes::SLOWEST_RPM;
-use super::lines::{FASTEST_HZ, Fit, Fitter, size};
+use super::fit::{Fit, size};
+use super::lines::{FASTEST_HZ, Fitter};
 use super::motion::{Motion, TOO_FEW};
 use super::score::{agreement, beside_the_other, in_plane_dps, least_dps, score};
 use super::{Labelled, MARGIN, MOST_LEFT, SHAKING};
@@ -294,8 +295,7 @@ fn readings(fit: &Fit) -> Vec<Reading> {
 /// Returns whether a motor's line is weaker than any motor makes it.
 fn has_too_weak(fit: &Fit) -> bool {
     let least = |k: usize| LEAST_LINE * in_plane_dps(fit.hz[k].abs() * 60.0);
-    let is_weak = |k: usize| fit.motor(k).is_some_and(|line| size(line.turns) < least(k));
-    (0..2).any(is_weak)
+    (0..2).any(|k| fit.motor(k).is_some_and(|line| size(line.turns) < least(k)))
 }
 
 /// Returns why the best reading of a motion is not accepted; `None` if it is.
@@ -311,8 +311,11 @@ fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'st
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
             let rpm = fit.hz.map(|f| f * 60.0);
             let slow = usize::from(rpm[1].abs() < rpm[0].abs());
+            // Where flagella touch, the double of the slow speed and the difference of both may be one line.
+            let is_mixed = |thirds: f64| (thirds * rpm[1 - slow] - 3.0 * rpm[slow]).abs() / 60.0 * length_s < 1.0;
             // A fast flagellum that wraps also swings the base as a slow motor does, in either sense.
-            let is_hidden = rpm[1 - slow] < 0.0 && (beside_the_other(rpm, slow) < HIDDEN || fit.hides_one());
+            let is_hidden = rpm[1 - slow] < 0.0
+                && (beside_the_other(rpm, slow) < HIDDEN || fit.hides_one() || is_mixed(1.0) || is_mixed(2.0));
             if is_hidden || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns)) {
                 return Some("the swing of one motor hides that of the other");
             }

@@ -91,9 +91,7 @@ impl Cause {
             Self::Unknown { .. } | Self::StopEarly { .. } => None,
         }
     }
-}
 
-impl Cause {
     /// Returns whether the cause is about one motor alone.
     pub fn is_of_one(self) -> bool {
         match self {

@@ -6,6 +6,7 @@
 
 mod blind;
 mod causes;
+mod fit;
 mod lines;
 mod motion;
 mod score;
@@ -17,7 +18,8 @@ pub use causes::Cause;
 
 use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
-use lines::{Complex, FASTEST_HZ, Fit, Fitter, MIXED, angle_deg, size};
+use fit::{Complex, Fit, angle_deg, size};
+use lines::{FASTEST_HZ, Fitter, MIXED};
 pub use motion::PIECE_S;
 use motion::{Motion, TOO_FEW};
 pub use score::in_plane_dps;

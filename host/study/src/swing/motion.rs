@@ -17,6 +17,9 @@ const SHORTEST_S: f64 = 10.0;
 /// Why there is no motion of a part.
 pub const TOO_FEW: &str = "the run is too short or has too few readings";
 
+/// Length of the pieces in which a stop is looked for, s.
+pub const PIECE_S: f64 = 3.0;
+
 /// Rates about x, y and z.
 pub struct Motion {
     /// Times relative to the middle of the part, s.
@@ -54,12 +57,7 @@ impl Motion {
             Some(Self { t, interval_s, rates, length_s: count as f64 * interval_s, variances, angle_variance })
         })
     }
-}
 
-/// Length of the pieces in which a stop is looked for, s.
-pub const PIECE_S: f64 = 3.0;
-
-impl Motion {
     /// Returns the time at which the swing falls below a fifth of its size and stays there, s from the start of the part.
     pub fn stops(&self) -> Option<f64> {
         let size = (PIECE_S / self.interval_s) as usize;

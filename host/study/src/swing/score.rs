@@ -2,7 +2,7 @@
 //!
 //! The constants are from recordings on the emulated board, of robots of several stiffnesses and lengths.
 
-use super::lines::{Complex, Fit, Line, angle_deg, size};
+use super::fit::{Complex, Fit, Line, angle_deg, size};
 use crate::attitude::wrapped;
 use sim::functions::{cos, ln, pow};
 
@@ -107,8 +107,7 @@ fn swing(line: &Line, hz: f64, motor: usize) -> f64 {
 }
 
 fn in_plane(turns: Complex, hz: f64) -> f64 {
-    let rpm = hz.abs() * 60.0;
-    near(size(turns), in_plane_dps(rpm), 0.9)
+    near(size(turns), in_plane_dps(hz.abs() * 60.0), 0.9)
 }
 
 /// Returns the difference of the phase of the swing about z from a motor's expected phase, degrees.

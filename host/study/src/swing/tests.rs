@@ -186,6 +186,16 @@ fn a_line_of_flagella_that_touch_is_not_that_of_a_faster_motor() {
     }
 }
 
+/// Where both wrap, the double of the slow speed and the difference of both are nearly one line: that of a motor twice as fast.
+#[test]
+fn a_line_of_flagella_that_touch_is_told_as_no_speed() {
+    let mut robot = Robot::default();
+    robot.flagellum.phase_deg = [326.0, 218.0];
+    let trace = Trace::of(&Truth::of(&robot, [-14.794, -45.279], 76.0, 76.0), Way::Recorded, 38);
+    let told = blind::speeds(&trace.angles_deg, 15.0..75.0, None).map(|told| told.rpm());
+    assert!(told.is_err(), "{told:?}");
+}
+
 #[test]
 fn motors_that_stop_early_are_seen() {
     let truth = Truth::of(&quick(), [37.3, -23.9], 50.0, 30.0);
