@@ -41,7 +41,7 @@ impl Work<'_> {
             let other = Shard { index: (shard.index + behind) % shard.of, of: shard.of };
             if goes_on
                 && let Some(claims) = claims.of_other(other.index)
-                && self.folder.lacks(other, &self.known)
+                && self.folder.sweep.points_of(other, &self.known).any(|_| true)
             {
                 goes_on = self.blocks(other, Some(&claims))?;
             }
@@ -95,11 +95,6 @@ impl Folder {
             return points;
         }
         self.sweep.points_of(shard, &Points::none(points)).count() as u64
-    }
-
-    /// Returns whether a shard has unknown points.
-    fn lacks(&self, shard: Shard, known: &Points) -> bool {
-        self.sweep.points_of(shard, known).any(|_| true)
     }
 
     /// Computes the missing points of a shard, then helps with shards of other active workers, and calls `each` with
@@ -159,9 +154,7 @@ impl Folder {
         let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
         broken.map_or_else(|| part.close().map_err(SweepError::at(&self.path)), Err)
     }
-}
 
-impl Folder {
     /// Returns the unknown points of a shard, the most expensive first by the model's own estimate; equally expensive
     /// points keep the order of the plan.
     pub fn dearest_first(&self, shard: Shard, known: &Points) -> Vec<u32> {

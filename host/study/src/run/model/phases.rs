@@ -94,8 +94,7 @@ pub fn has_phases(trials: &[Trial]) -> bool {
 /// them.
 pub fn note_on_unknown_angles(trials: &[Trial]) -> Option<String> {
     let (why, which) = depending(trials)?;
-    let cure =
-        "which the board knows only after `biflag align`; then `phases = 8` in [trial] measures means and spreads";
+    let cure = "which a board with encoders knows after `biflag align`; then `phases = 8` in [trial] measures means and spreads";
     Some(match which {
         None => format!("{why}, so the trial depends on their starting angles, {cure}"),
         Some(which) => format!("{which} depend on the starting angles of the flagella, {cure}"),
