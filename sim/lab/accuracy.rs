@@ -55,11 +55,9 @@ fn main() {
         println!("| | yaw | pitch | roll | thrust 1 | thrust 2 | torque 1 | torque 2 | contact |");
         println!("| --- |{}", " --- |".repeat(8));
         let rows: Vec<_> = CHANGES.par_iter().map(|change| run(change, rpm)).collect();
-        for (change, row) in CHANGES.iter().zip(rows) {
-            let [yaw, pitch, roll, t1, t2, q1, q2, contact] = row;
+        for (Change { name, .. }, [yaw, pitch, roll, t1, t2, q1, q2, contact]) in CHANGES.iter().zip(rows) {
             println!(
-                "| {} | {yaw:.2} | {pitch:.2} | {roll:.2} | {t1:.3} | {t2:.3} | {q1:.4} | {q2:.4} | {contact:.0} |",
-                change.name
+                "| {name} | {yaw:.2} | {pitch:.2} | {roll:.2} | {t1:.3} | {t2:.3} | {q1:.4} | {q2:.4} | {contact:.0} |"
             );
         }
         println!();

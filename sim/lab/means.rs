@@ -134,11 +134,8 @@ fn main() {
     let [part, parts] = part.split_once('/').map_or([1, 1], |(part, parts)| {
         [part, parts].map(|number| number.parse::<usize>().expect("a part, such as 1/4"))
     });
-    let points: Vec<[f64; 2]> = if named.is_empty() {
-        speeds(seed.unwrap_or(SEED)).into_iter().skip(part - 1).step_by(parts).collect()
-    } else {
-        named
-    };
+    let all = speeds(seed.unwrap_or(SEED)).into_iter().skip(part - 1).step_by(parts);
+    let points: Vec<[f64; 2]> = if named.is_empty() { all.collect() } else { named };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let rows: Vec<Row> =
         pool.install(|| points.par_iter().with_max_len(1).map(|rpm| row(&robot, *rpm, share)).collect());
@@ -152,14 +149,10 @@ fn main() {
             print(row, stated, total);
         }
     }
-    for (total, name) in totals.iter().zip(["trials", "solutions"]) {
+    for (Total { settled, outside, wide }, name) in totals.iter().zip(["trials", "solutions"]) {
+        let (count, values) = (rows.len(), settled * VALUES);
         println!(
-            "{} of {} {name} settled; of their {} values {} outside; {} wider than allowed",
-            total.settled,
-            rows.len(),
-            total.settled * VALUES,
-            total.outside,
-            total.wide
+            "{settled} of {count} {name} settled; of their {values} values {outside} outside; {wide} wider than allowed"
         );
     }
 }

@@ -95,13 +95,11 @@ fn print(row: &Row) {
 }
 
 fn summarise(rows: &[Row]) {
-    let used = |which: usize| rows.iter().map(|row| row.used_s[which]).sum::<f64>();
+    let used = |of: &[&Row]| [0, 1].map(|which| of.iter().map(|row| row.used_s[which]).sum::<f64>());
+    let ([solve, trial], count) = (used(&rows.iter().collect::<Vec<_>>()), rows.len());
+    let times = trial / solve;
     eprintln!(
-        "{} points; processor's time {:.1} s for steady states, {:.1} s for trials: {:.2} times",
-        rows.len(),
-        used(0),
-        used(1),
-        used(1) / used(0)
+        "{count} points; processor's time {solve:.1} s for steady states, {trial:.1} s for trials: {times:.2} times"
     );
     for (name, touches, found) in [
         ("steady, no contact", false, true),
@@ -112,7 +110,7 @@ fn summarise(rows: &[Row]) {
         let of: Vec<&Row> = (rows.iter())
             .filter(|row| (row.trial.contact_share > 0.0) == touches && (row.solved.kind == Kind::Steady) == found)
             .collect();
-        let [solve, trial] = [0, 1].map(|which| of.iter().map(|row| row.used_s[which]).sum::<f64>());
+        let [solve, trial] = used(&of);
         eprintln!("  {name}: {} points, {solve:.1} s, {trial:.1} s, {:.2} times", of.len(), trial / solve);
     }
     let slower = rows.iter().filter(|row| row.used_s[0] > row.used_s[1]).count();

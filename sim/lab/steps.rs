@@ -157,13 +157,10 @@ fn random(robot: &Robot, count: u64) {
         .collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     let outside = rows.iter().filter(|row| row.1).count();
-    let (Some(median), Some(worst)) = (rows.get(rows.len() / 2), rows.last()) else { return };
+    let settled = rows.len();
+    let (Some((median, ..)), Some((worst, _, rpm))) = (rows.get(settled / 2), rows.last()) else { return };
     println!(
-        "{count} pairs, {} settled, {outside} with an angle outside its ±; largest error of an angle: median {:.3}, worst {:.3} deg at {:?} rpm",
-        rows.len(),
-        median.0,
-        worst.0,
-        worst.2
+        "{count} pairs, {settled} settled, {outside} with an angle outside its ±; largest error of an angle: median {median:.3}, worst {worst:.3} deg at {rpm:?} rpm"
     );
 }
 
@@ -198,12 +195,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let (shorter, shortest) = (run(&tight(robot.clone(), 1.0), rpm)?, run(&tight(robot.clone(), 2.0), rpm)?);
         let [thrust, yaw, tilt] = usual.errors(&shortest);
-        let still = shorter.errors(&shortest);
+        let ([w1, w2], [last_thrust, last_yaw, last_tilt]) = (rpm, shorter.errors(&shortest));
         let scatter = 100.0 * usual.scatter(0).max(usual.scatter(1)) / shortest.largest_thrust();
         println!(
-            "| ({}, {}) | {:.2} | {:.2}, {:.1}, {:.2}, {:.2} | {thrust:.2} % ({scatter:.2} %) | {yaw:.3} deg | {tilt:.3} deg ({:.3}) | {} | {:.2} | {:.0} | {:.2} %, {:.3}, {:.3} deg |",
-            rpm[0],
-            rpm[1],
+            "| ({w1}, {w2}) | {:.2} | {:.2}, {:.1}, {:.2}, {:.2} | {thrust:.2} % ({scatter:.2} %) | {yaw:.3} deg | {tilt:.3} deg ({:.3}) | {} | {:.2} | {:.0} | {last_thrust:.2} %, {last_yaw:.3}, {last_tilt:.3} deg |",
             shortest.mean(5),
             1e3 * shortest.largest_thrust(),
             shortest.mean(2),
@@ -213,9 +208,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             usual.steps,
             f64::from(usual.sweeps) / f64::from(usual.steps),
             PERIOD * PERIODS as f64 / seconds,
-            still[0],
-            still[1],
-            still[2],
         );
     }
     Ok(())

@@ -8,6 +8,7 @@ use toml::Table;
 type Units = &'static [(&'static str, f64)];
 
 const LENGTH: Units = &[("mm", 1e-3), ("cm", 1e-2)];
+const TETHER: Units = &[("mN m/rad", 1e-3), ("N m/deg", 180.0 / std::f64::consts::PI)];
 
 /// Keys, the usual range of their magnitudes, and units in which a value may be written by mistake. A number outside the range is
 /// doubted only if it is inside the range in such a unit. The ranges of lengths are narrow enough to doubt even the centimetres
@@ -19,7 +20,7 @@ const ROWS: [(&str, [f64; 2], Units); 24] = [
     ("base.motor_distance_m flagellum.pitch_m", [2e-3, 1.0], LENGTH),
     ("base.inertia_kg_m2", [1e-7, 1e-3], &[("g m2", 1e-3), ("kg mm2", 1e-6), ("g cm2", 1e-7), ("g mm2", 1e-9)]),
     ("base.mass_centre_below_joint_m", [5e-5, 0.05], LENGTH),
-    ("base.gravity_m_s2", [1.5, 30.0], &[("mm/s2", 1e-3), ("cm/s2", 1e-2), ("g", 9.80665)]),
+    ("base.gravity_m_s2", [1.5, 30.0], &[("mm/s2", 1e-3), ("cm/s2", 1e-2), ("ft/s2", 0.3048), ("g", 9.80665)]),
     ("flagellum.rod_radius_m", [1e-4, 0.03], LENGTH),
     ("flagellum.helix_radius_m", [5e-4, 0.1], LENGTH),
     ("flagellum.axial_length_m", [5e-3, 3.0], LENGTH),
@@ -30,7 +31,7 @@ const ROWS: [(&str, [f64; 2], Units); 24] = [
     ("fluid.glycerol.mass_fraction", [0.01, 1.0], &[("%", 1e-2)]),
     ("head.centre_m", [5e-4, 0.5], LENGTH),
     ("tank.length_m tank.width_m tank.height_m tank.joint_m tank.joint_depth_m", [0.01, 5.0], LENGTH),
-    ("joint.tether_full_nm_per_rad joint.tether_lumped_nm_per_rad", [1e-6, 0.05], &[("mN m/rad", 1e-3)]),
+    ("joint.tether_full_nm_per_rad joint.tether_lumped_nm_per_rad", [2e-5, 0.02], TETHER),
     // Larger values would hold the robot against its motors.
     ("joint.viscous_nms", [1e-9, 5e-3], &[("mN m s", 1e-3)]),
     ("joint.coulomb_nm", [1e-9, 5e-3], &[("mN m", 1e-3)]),
@@ -109,6 +110,8 @@ mod tests {
             ("fluid", "viscosity_pa_s = 1000", "mPa s? write 1"),
             ("fluid", "glycerol = { mass_fraction = 85, temperature_c = 20 }", "%? write 0.85"),
             ("joint", "tether_full_nm_per_rad = 0.5006", "mN m/rad? write 0.0005006"),
+            ("joint", "tether_full_nm_per_rad = 8.74e-6", "N m/deg? write 0.0005007651"),
+            ("base", "gravity_m_s2 = 32.17", "ft/s2? write 9.805416"),
             ("joint", "viscous_nms = 0.02", "mN m s? write 2e-5"),
             ("joint", "coulomb_nm = 0.01", "mN m? write 1e-5"),
             ("solver", "step_rad = 17.2", "degrees? write 0.30019"),

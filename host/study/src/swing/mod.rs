@@ -153,6 +153,12 @@ impl Labelled<'_> {
         (rpm[k] - self.rpm[k]).abs() <= self.error_rpm(k)
     }
 
+    /// Returns the mean pitch and roll.
+    fn lean_deg(&self) -> Option<Complex> {
+        let [_, pitch, roll] = self.angles_deg.tracks().map(|track| track.mean(self.settled_s.clone()));
+        Some(Complex::new(pitch?, roll?))
+    }
+
     /// Returns whether speeds agree with the label, within its error.
     fn is_of(&self, rpm: [f64; 2]) -> bool {
         (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
@@ -341,11 +347,15 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
 /// Returns the angle by which the mean tilt is turned about the vertical between two motions of one robot, degrees; `None` if one
 /// hardly tilts.
 pub fn leans_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
-    let lean = |trial: &Labelled| {
-        let [_, pitch, roll] = trial.angles_deg.tracks().map(|track| track.mean(trial.settled_s.clone()));
-        Some(Complex::new(pitch?, roll?)).filter(|lean| size(*lean) > LEAN_DEG)
-    };
-    Some(angle_deg(lean(other)?, lean(one)?))
+    let [one, other] = [one.lean_deg()?, other.lean_deg()?];
+    (size(one).min(size(other)) > LEAN_DEG).then(|| angle_deg(other, one))
+}
+
+/// Returns whether a robot leans as with one motor `alone`, though the model of its label hardly does. `off_deg`: largest error of
+/// its tilt.
+pub fn leans_as_alone(model: &Labelled, alone: &Labelled, own: &Labelled, off_deg: f64) -> Option<bool> {
+    let [model, alone, own] = [model.lean_deg()?, alone.lean_deg()?, own.lean_deg()?].map(size);
+    Some(model < LEAN_DEG && own > off_deg + LEAN_DEG.max(alone / 2.0))
 }
 
 /// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it
@@ -367,11 +377,12 @@ pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     let weak = (0..2).find(|&side| falls_short(side))?;
     let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
     let motors: Vec<usize> = (0..2).filter(|&k| (own.rpm[k] > 0.0) == (weak == 0)).collect();
-    let are_near = is_near(own.rpm, motion.length_s);
     match motors[..] {
         [k] => Some(vec![Cause::Stands(k), of_one(k)]),
         // Two motors of one sense whose lines fall together may swing against each other.
-        [one, other] if !are_near && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) => {
+        [one, other]
+            if !is_near(own.rpm, motion.length_s) && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) =>
+        {
             Some(vec![of_one(one), of_one(other)])
         }
         _ => None,

@@ -101,8 +101,7 @@ fn opposite(line: &Line, hz: [f64; 2]) -> f64 {
 }
 
 fn swing(line: &Line, hz: f64, motor: usize) -> f64 {
-    let rpm = hz.abs() * 60.0;
-    near(size(line.about_z), about_z_dps(rpm), 0.55) + in_plane(line.turns, hz)
+    near(size(line.about_z), about_z_dps(hz.abs() * 60.0), 0.55) + in_plane(line.turns, hz)
         - 0.5 * square(off_deg(line, motor) / 38.0)
 }
 

@@ -319,6 +319,11 @@ impl Data {
         *self.settings.get_or_init(|| self.records.board.as_ref().and_then(board::of_log))
     }
 
+    /// Returns a time on the clock of an import's table, or of the recording that it was aligned with, s.
+    pub(super) fn by_table_s(&self, time_s: f64) -> f64 {
+        time_s + self.records.import.as_ref().map_or(0.0, |import| import.start_s)
+    }
+
     /// Returns whether the motors have no encoders.
     pub fn is_blind(&self) -> bool {
         self.is_recorded() && self.settings().is_some_and(|settings| settings.speed_from == SpeedFrom::Duty)

@@ -73,6 +73,7 @@ impl Data {
         // The step of a model with a low sampling rate is not a gap.
         let usual = self.duration_s / times.len().max(2) as f64;
         (to - from > 3.0 * usual).then(|| {
+            let [from, to] = [from, to].map(|time_s| self.by_table_s(time_s));
             let total = gaps.iter().map(|(from, to)| to - from).sum::<f64>();
             let places = if gaps.len() == 1 { "1 place".to_owned() } else { format!("{} places", gaps.len()) };
             let [what, verb] = self.lacking();

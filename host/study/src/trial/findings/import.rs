@@ -79,8 +79,7 @@ static RULES: [Rule; 11] = [
     Rule::note(Conduct, "", |data, _| {
         let constant = &data.records.import.as_ref()?.constant;
         let were = if constant.len() == 1 { "was" } else { "were" };
-        let text = || format!("{} {were} not measured: one value in all rows", constant.join(", "));
-        (!constant.is_empty()).then(text)
+        (!constant.is_empty()).then(|| format!("{} {were} not measured: one value in all rows", constant.join(", ")))
     }),
     Rule::note(Conduct, "check that the table is of this trial, its unit and its instrument", |data, _| {
         other_yaw(data.records.import.as_ref()?)
@@ -179,16 +178,13 @@ fn lost(data: &Data) -> Option<String> {
     let (run, readings) = (&data.times.run, &data.readings);
     let is_apart = data.robot().is_ok_and(|robot| !robot.flagellum.mesh(data.speeds().map(CentiRpm::rpm)));
     let odd_deg = odd(readings);
-    let is_in_run = |(row, _): &(&(f64, Reading), &Vector3<f64>)| run.contains(&row.0);
     let decile = |axis: usize| {
-        let rows = readings.iter().skip(2).zip(&odd_deg).filter(is_in_run);
+        let rows = readings.iter().skip(2).zip(&odd_deg).filter(|(row, _)| run.contains(&row.0));
         let mut sorted: Vec<f64> = rows.map(|(_, deg)| deg[axis].abs()).collect();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 10).map_or(0.0, |noise| ODD_NOISES * noise)
     };
-    let turned_deg = |pair: &[(f64, Reading)]| {
-        rotation_between(&rotation(pair[0].1.attitude), &rotation(pair[1].1.attitude)).norm().to_degrees()
-    };
+    let turned_deg = |pair: &[(f64, Reading)]| turned_deg(&pair[0].1, &pair[1].1);
     let steps = readings.windows(2).map(turned_deg).filter(|deg| *deg > 1e-6);
     let rounding_deg = ODD_STEPS * steps.fold(f64::INFINITY, f64::min);
     let noise_deg = [0, 1, 2].map(decile).into_iter().fold(rounding_deg, f64::max);
@@ -198,11 +194,12 @@ fn lost(data: &Data) -> Option<String> {
     for (i, pair) in (1_usize..).zip(readings.windows(2)) {
         let [(before_s, before), (now_s, now)] = [&pair[0], &pair[1]].map(|(time, reading)| (*time, reading.attitude));
         let angle_deg = turned_deg(pair);
-        let odd_deg = i.checked_sub(2).and_then(|at| odd_deg.get(at)).map_or(0.0, Vector3::norm);
-        if odd_deg > most_deg || angle_deg > jump_deg && angle_deg / (now_s - before_s) > JUMP_DPS {
-            let by_deg = angle_deg.max(odd_deg);
+        // The change beside a jump is odd by half of it.
+        let [odd_deg, next_deg] = [i, i + 1].map(|i| odd_deg.get(i.wrapping_sub(2)).map_or(0.0, Vector3::norm));
+        if odd_deg > most_deg.max(next_deg) || angle_deg > jump_deg && angle_deg / (now_s - before_s) > JUMP_DPS {
+            let (by_deg, at_s) = (angle_deg.max(odd_deg), data.by_table_s(now_s));
             return Some(format!(
-                "the attitude jumps by {by_deg:.0}° at {now_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
+                "the attitude jumps by {by_deg:.0}° at {at_s:.2} s, faster than the robot turns: {LEAVE_EMPTY}, and check the \
                  units of the angles"
             ));
         }
@@ -212,11 +209,17 @@ fn lost(data: &Data) -> Option<String> {
         let from_s = readings[stood_from].0;
         if i - stood_from >= STOOD_ROWS && now_s - from_s.max(run.start) > STOOD_S && run.contains(&now_s) {
             return Some(format!(
-                "the attitude does not change for more than {STOOD_S} s from {from_s:.1} s on: {LEAVE_EMPTY}"
+                "the attitude does not change for more than {STOOD_S} s from {:.1} s on: {LEAVE_EMPTY}",
+                data.by_table_s(from_s)
             ));
         }
     }
     None
+}
+
+/// Returns the angle between two attitudes, degrees.
+fn turned_deg(one: &Reading, other: &Reading) -> f64 {
+    rotation_between(&rotation(one.attitude), &rotation(other.attitude)).norm().to_degrees()
 }
 
 /// Describes an angle that is a straight line in a part of the run, to the table's rounding: it was interpolated or clipped.
@@ -244,7 +247,7 @@ fn straight(data: &Data) -> Option<String> {
         let bends_deg: Vec<f64> = (0..values.len()).step_by(STOOD_ROWS).map_while(bend_deg).collect();
         let is_rounded = bends_deg.iter().all(|bend| *bend < 100.0 * step_deg);
         let straight = bends_deg.iter().position(|bend| *bend < 2.0 * step_deg).filter(|_| !is_rounded)?;
-        let from_s = time_s[straight * STOOD_ROWS];
+        let from_s = data.by_table_s(time_s[straight * STOOD_ROWS]);
         Some(format!("the {angle} is a straight line for more than {STOOD_S} s from {from_s:.1} s on, as if interpolated or clipped"))
     })
 }
@@ -272,15 +275,12 @@ fn zeros(data: &Data) -> Option<String> {
     let run = data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s));
     let (zeros, others): (Vec<&(f64, Reading)>, Vec<_>) =
         run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
-    let between = |one: &Reading, other: &Reading| {
-        rotation_between(&rotation(one.attitude), &rotation(other.attitude)).norm().to_degrees()
-    };
-    let steps = others.windows(2).map(|pair| between(&pair[0].1, &pair[1].1)).filter(|deg| *deg > 1e-6);
+    let steps = others.windows(2).map(|pair| turned_deg(&pair[0].1, &pair[1].1)).filter(|deg| *deg > 1e-6);
     let least_deg = ZERO_DEG.max(ZERO_STEPS * steps.fold(f64::INFINITY, f64::min).min(1.0));
     // The next reading that is not zero shows where the robot was.
     let is_lost = |(time_s, zero): &(f64, Reading)| {
         let next = others.iter().find(|(later_s, _)| later_s > time_s).or(others.last());
-        next.is_some_and(|(_, reading)| between(zero, reading) > least_deg)
+        next.is_some_and(|(_, reading)| turned_deg(zero, reading) > least_deg)
     };
     let lost = zeros.iter().filter(|row| is_lost(row)).count();
     let text =

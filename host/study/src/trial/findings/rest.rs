@@ -92,7 +92,7 @@ static RULES: [Rule; 17] = [
     }),
     Rule::note(Rest, "", |data, zeroed| {
         let ([what, verb], lost) = (data.lacking(), zeroed.rest.lost.as_ref()?);
-        let [start, end] = [lost.start, lost.end];
+        let [start, end] = [lost.start, lost.end].map(|time_s| data.by_table_s(time_s));
         Some(format!(
             "{what} {verb} missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to \
              the rest before {start:.2} s"

@@ -2,10 +2,10 @@
 //! true.
 
 use super::{Rule, Section, frame};
-use crate::attitude::{Columns, wrapped};
+use crate::attitude::{Columns, tilt_deg, wrapped};
 use crate::swing::{
-    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg, other_sides, scaled,
-    turned_deg,
+    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_as_alone, leans_deg,
+    other_sides, scaled, turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
@@ -48,6 +48,7 @@ const YAW_CLOCKWISE: &str = "the yaw counts clockwise";
 const HALF_TURN: &str = "the frame of the angles is turned by a half about the vertical";
 const QUARTER_TURN: &str = "the frame of the angles is turned by a quarter about the vertical";
 const OTHER_ORDER: &str = "the angles are turns in another order";
+const OTHER_ROBOT: &str = "the robot is not that of its file";
 const OTHER_ZERO: &str = "a mark has slipped, so that pitch and roll have another zero";
 const OPPOSITE_TURN: &str = "the quaternion or the matrix turns the world's axes into the body's";
 
@@ -56,7 +57,7 @@ const OPPOSITE_TURN: &str = "the quaternion or the matrix turns the world's axes
 fn alike(cause: Cause, has_other_sense: Option<bool>) -> &'static [&'static str] {
     match (cause, has_other_sense) {
         (Cause::Sign([true, true]) | Cause::Reversed, _) => &[FRAME_MIRRORED],
-        (Cause::Swapped, Some(true)) => &[YAW_CLOCKWISE],
+        (Cause::Swapped | Cause::Sign(_), Some(true)) => &[YAW_CLOCKWISE],
         (Cause::Swapped, Some(false)) => &[HALF_TURN],
         (Cause::Swapped, None) => &[HALF_TURN, YAW_CLOCKWISE],
         _ => &[],
@@ -100,14 +101,27 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     let own = labelled(data, zeroed)?;
     Ok(match label(&own) {
         Label::Right if own.is_vague() => {
-            let sides = |model: &Labelled, own: &Labelled| {
+            let found = |model: &Labelled, own: &Labelled| {
                 let is_same = |other: &Labelled| other_sides(other, own).is_some();
-                other_sides(model, own).filter(|_| is_of_any_stiffness(data, model, is_same))
+                let sides = other_sides(model, own).filter(|_| is_of_any_stiffness(data, model, is_same));
+                sides.or_else(|| as_of_one_motor(data, zeroed, model, own))
             };
-            by_model(data, zeroed, &own, sides).map_or(Label::Right, Label::Wrong)
+            by_model(data, zeroed, &own, found).map_or(Label::Right, Label::Wrong)
         }
         other => other,
     })
+}
+
+/// Returns the causes if an import leans as a robot of which one motor turns, though its label has nearly equal speeds of one sense.
+fn as_of_one_motor(data: &Data, zeroed: &Zeroed, model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
+    zeroed.steady.as_ref().filter(|steady| steady.settled && !zeroed.rest.is_missing)?;
+    let alone_deg = modelled(data.robot().ok()?, [own.rpm[0], 0.0], 1.0)?;
+    let alone = Labelled { angles_deg: &alone_deg, ..model.clone() };
+    // An instrument's frame that is askew leans by twice its tilt at rest at most.
+    let off_deg = 2.0 * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    let leans = |other: &Labelled| leans_as_alone(other, &alone, own, off_deg) == Some(true);
+    let causes = [[true, false], [false, true]].map(Cause::Sign).into_iter().chain([0, 1].map(Cause::Stands));
+    (leans(model) && is_of_any_stiffness(data, model, leans)).then(|| causes.collect())
 }
 
 /// Compares the swing of an import with the swing of its robot's model.
@@ -192,6 +206,7 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
             (OTHER_ORDER, is_turn(-yaw_deg)),
             (OPPOSITE_TURN, is_near(yaw_deg + off_deg)),
             (OTHER_ZERO, is_upright),
+            (OTHER_ROBOT, true),
         ];
         let causes: Vec<&str> = frames.into_iter().filter(|(_, is_likely)| *is_likely).map(|(name, _)| name).collect();
         return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
@@ -200,7 +215,7 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let (angle, factor) = scaled.filter(|(angle, _)| *angle == 0 && turned_deg.is_none() || is_upright)?;
     let angle = ["yaw", "pitch", "roll"][angle];
     Some(format!(
-        "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale"
+        "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale, or as if {OTHER_ROBOT}"
     ))
 }
 
@@ -250,7 +265,7 @@ fn modelled(mut robot: Robot, rpm: [f64; 2], stiffer: f64) -> Option<Columns<3>>
 fn said(cause: &Cause, data: &Data) -> String {
     match (cause, &data.records.import) {
         (Cause::StopEarly { at_s }, Some(import)) if import.trial.is_empty() => {
-            let [from, before] = [data.times.run.start, *at_s].map(|time_s| time_s + import.start_s);
+            let [from, before] = [data.times.run.start, *at_s].map(|time_s| data.by_table_s(time_s));
             let (from, to) = (decimal(from, 2), (before - PIECE_S).floor());
             format!("the motors stopped before {before:.0} s by the table's clock (try --run {from},{to})")
         }
@@ -261,11 +276,10 @@ fn said(cause: &Cause, data: &Data) -> String {
 fn without_speeds(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let why = zeroed.steady.as_ref().filter(|_| data.is_blind())?.measured(&zeroed.angles_deg).not_measured?;
     let [w1, w2] = data.speeds().map(CentiRpm::rpm);
-    (w1 != 0.0 || w2 != 0.0).then(|| {
-        format!(
-            "the motors have no encoders, and the swing does not tell whether they turned at {w1} and {w2} rpm, or at all: {why}"
-        )
-    })
+    let text = format!(
+        "the motors have no encoders, and the swing does not tell whether they turned at {w1} and {w2} rpm, or at all: {why}"
+    );
+    (w1 != 0.0 || w2 != 0.0).then_some(text)
 }
 
 /// Largest difference of a speed from the commanded one without a note: a share, plus rpm.

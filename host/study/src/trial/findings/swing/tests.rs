@@ -278,9 +278,13 @@ fn a_nearly_equal_motor_that_stood_or_turned_the_other_way_is_named() {
         found.iter().map(|one| one.text.clone()).filter(|text| !text.starts_with("not settled")).collect::<Vec<_>>()
     };
     let second = "motor 2 stood, or as if motor 2 turned the other way";
+    let leans = "motor 1 stood, or as if motor 2 stood";
     let either = "motor 1 turned the other way, or as if motor 2 turned the other way";
     for (turned, labels) in [
-        ([44.3, 0.0], vec![([44.3, -44.3], second), ([44.3, -42.1], second)]),
+        (
+            [44.3, 0.0],
+            vec![([44.3, -44.3], second), ([44.3, -42.1], second), ([44.3, 44.3], leans), ([44.3, 41.2], leans)],
+        ),
         ([-52.1, 50.4], vec![([52.1, 50.4], either)]),
         ([52.1, 50.4], vec![([52.1, -50.4], second)]),
     ] {
