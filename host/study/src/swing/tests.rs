@@ -186,6 +186,15 @@ fn a_line_of_flagella_that_touch_is_not_that_of_a_faster_motor() {
     }
 }
 
+/// Noise is then most of the motion, but its line is that of the label.
+#[test]
+fn equal_motors_whose_swings_cancel_are_right() {
+    let mut robot = quick();
+    robot.flagellum.phase_deg = [40.0, 220.0];
+    let trace = Trace::of(&Truth::of(&robot, [20.0; 2], 76.0, 76.0), Way::Imported(0.2), 7);
+    assert_eq!(trace.label([20.0; 2], 15.0..75.0), Label::Right);
+}
+
 /// Where both wrap, the double of the slow speed and the difference of both are nearly one line: that of a motor twice as fast.
 #[test]
 fn a_line_of_flagella_that_touch_is_told_as_no_speed() {
