@@ -83,7 +83,7 @@ fn hello(port: &mut File, limit: Duration) -> Option<Info> {
         let frame = encode(&Request { seq, command: Order::Hello }, &mut buffer).unwrap();
         port.write_all(frame).unwrap();
         // Byte by byte: what follows the answer, such as half of an answer to a repeated request, is left to the caller.
-        for byte in (&*port).bytes() {
+        for byte in BufReader::with_capacity(1, &*port).bytes() {
             if let Some(Ok(Message::Reply { reply: Reply::Info(info), .. })) = accumulator.push(byte.unwrap()) {
                 return Some(info);
             }
