@@ -356,24 +356,38 @@ fn imperfect_logs_give_warnings_or_errors() {
 /// The replay begins with its motors at other angles, so a slow approach of nearly equal speeds differs.
 #[test]
 fn without_encoders_a_slow_approach_is_in_the_uncertainty_of_a_comparison() {
-    let bench =
-        bench("[trial]\ncalibrate = 40\npreroll = 12\nrun = 76\ndecay = 4\n[speeds]\npairs = [[31.06, 27.2]]\n");
-    let folder = bench.path();
-    let settings = protocol::Settings { speed_from: protocol::SpeedFrom::Duty, ..protocol::Settings::DEFAULT };
-    let model = folder.join("session/001_w1+31.06_w2+27.2.mcap");
-    let mut sensor = Sensor::new(1);
-    as_of_a_rig_with((protocol::VERSION, &settings), &model, &folder.join("blind.mcap"), true, |frame| {
-        sensor.spoil(frame);
-        true
-    });
-    let said = |command| serde_json::from_slice::<Value>(&biflag(folder, &[command, "blind.mcap", "--json"]).stdout);
-    let (info, compared) = (said("info").unwrap(), said("compare").unwrap());
-    // The replay has not settled, which the uncertainty holds.
-    assert_eq!(compared["findings"], serde_json::json!([]));
-    for angle in compared["trials"][0]["angles"].as_array().unwrap() {
-        let own = number(&info["angles"][format!("{}_uncertainty_deg", angle["angle"].as_str().unwrap())]);
-        let of_both = number(&angle["uncertainty"]["total_deg"]);
-        assert!(of_both > own, "{angle}: {own} of one");
+    // The shorter run does not settle.
+    for (run_s, is_settled) in [(76, true), (26, false)] {
+        let bench = bench(&format!(
+            "[trial]\ncalibrate = 40\npreroll = 12\nrun = {run_s}\ndecay = 4\n[speeds]\npairs = [[31.06, 27.2]]\n"
+        ));
+        let folder = bench.path();
+        let settings = protocol::Settings { speed_from: protocol::SpeedFrom::Duty, ..protocol::Settings::DEFAULT };
+        let model = folder.join("session/001_w1+31.06_w2+27.2.mcap");
+        let mut sensor = Sensor::new(1);
+        as_of_a_rig_with((protocol::VERSION, &settings), &model, &folder.join("blind.mcap"), true, |frame| {
+            sensor.spoil(frame);
+            true
+        });
+        let said = |command: &str, log: &str| {
+            serde_json::from_slice::<Value>(&biflag(folder, &[command, log, "--json"]).stdout).unwrap()
+        };
+        let (info, compared) = (said("info", "blind.mcap"), said("compare", "blind.mcap"));
+        assert_eq!(info["angles"]["settled"], is_settled);
+        let replay = said("info", "blind-replay/001_w1+31.06_w2+27.2.mcap");
+        // The replay has not settled, which the uncertainty holds.
+        let of_replay = |finding: &Value| finding["log"].as_str().unwrap().contains("replay");
+        assert!(!compared["findings"].as_array().unwrap().iter().any(of_replay), "{}", compared["findings"]);
+        let trial = &compared["trials"][0];
+        for angle in trial["angles"].as_array().unwrap() {
+            let key = format!("{}_uncertainty_deg", angle["angle"].as_str().unwrap());
+            let [own, of_replay] = [&info, &replay].map(|trial| number(&trial["angles"][&key]));
+            let of_both = number(&angle["uncertainty"]["total_deg"]);
+            assert!(of_both > own, "{angle}: {own} of one");
+            let is_left = |term: &&Value| term["angle"] == angle["angle"] && term["name"] == "slow approach";
+            let left = number(&trial["budget"].as_array().unwrap().iter().find(is_left).unwrap()["u_deg"]);
+            assert!(left > 0.5 * of_replay, "{angle}: {left}, and ±{of_replay} of the replay");
+        }
     }
 }
 

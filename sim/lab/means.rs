@@ -180,10 +180,8 @@ fn print(row: &Row, of: &Stated, total: &mut Total) {
     let limits = if of.touches { TOUCHING } else { FREE };
     total.wide += usize::from(of.steady.settled && !of.steady.is_known_within(&limits));
     let [yaw, pitch, roll, one, two] = &texts;
-    println!(
-        "| {}, {} | {} | {} | {} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |",
-        row.rpm[0], row.rpm[1], of.method, of.touches, of.steady.settled
-    );
+    let ([w1, w2], Stated { method, touches, steady: Steady { settled, .. } }) = (row.rpm, of);
+    println!("| {w1}, {w2} | {method} | {touches} | {settled} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |");
 }
 
 /// Returns the robot of `physical+soft`.

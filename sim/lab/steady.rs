@@ -121,10 +121,8 @@ fn summarise(rows: &[Row]) {
     eprintln!("{settled} trials settled; {} points differ by more than {ALLOWED_DEG} deg:", off.len());
     for row in off {
         let [yaw, tilt] = row.differences();
-        eprintln!(
-            "  {:?}: yaw {yaw:.3}, tilt {tilt:.3} deg, {:?}, trial settled {}",
-            row.rpm, row.solved.kind, row.trial.steady.settled
-        );
+        let (rpm, kind, settled) = (row.rpm, row.solved.kind, row.trial.steady.settled);
+        eprintln!("  {rpm:?}: yaw {yaw:.3}, tilt {tilt:.3} deg, {kind:?}, trial settled {settled}");
     }
 }
 

@@ -24,6 +24,9 @@ pub struct Steady {
     pub budgets: [Option<Budget>; 4],
     /// 95 % uncertainties of yaw, pitch, roll and tilt that a model states; `None` if it states none, or for a measured trial.
     pub of_model: Option<[f64; 4]>,
+    /// What an unsettled measured run may still change, as standard uncertainties of yaw, pitch and roll; 0 if the budgets hold it,
+    /// and for a model.
+    pub to_come_deg: [f64; 3],
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
     /// The averaging window of the angles: see [`sim::trial::means`].

@@ -162,9 +162,10 @@ impl Zeroed {
         };
         let [pitch, roll, tilt] = self.steady_tilts(&window).map_or([None, None, None], |tilts| tilts.map(Some));
         let mut budgets = [self.yaw_budget(middle), pitch, roll, tilt];
+        let mut to_come_deg = if self.is_model() { [0.0; 3] } else { collector.to_come().map(f64::to_degrees) };
         // An unsettled run has its own warning instead: its mean is not a steady value.
         if settled && !self.is_model() {
-            let [yaw, pitch, roll] = collector.to_come().map(f64::to_degrees);
+            let [yaw, pitch, roll] = std::mem::take(&mut to_come_deg);
             let to_come = [yaw, pitch, roll, hypot(pitch, roll)];
             budgets.iter_mut().zip(to_come).for_each(|(budget, u_deg)| {
                 *budget = budget.take().map(|budget| budget.with(Term::of_trial(TO_COME, u_deg, f64::INFINITY)));
@@ -174,6 +175,7 @@ impl Zeroed {
             angles_deg,
             budgets,
             of_model: own.and_then(|own| uncertainties_of_model(&own.values)),
+            to_come_deg,
             drift_deg: self.is_recorded().then(|| self.yaw_drift(middle)),
             window,
             settled,

@@ -66,7 +66,8 @@ impl SteadyPair {
         let is_blind = pair.measured.data.is_blind() || pair.modelled.data.is_blind();
         let of = |side: &Side| match side.steady.of_model.unwrap_or_default() {
             deg if is_blind => [0, 1, 2].map(|k| {
-                Some(side.steady.budgets[k].clone()?.with(Term::of_trial(TO_COME, 0.5 * deg[k], f64::INFINITY)))
+                let u_deg = 0.5 * deg[k] + side.steady.to_come_deg[k];
+                Some(side.steady.budgets[k].clone()?.with(Term::of_trial(TO_COME, u_deg, f64::INFINITY)))
             }),
             _ => side.zeroed.budgets(&side.on_clock(&self.window)),
         };
