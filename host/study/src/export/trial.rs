@@ -27,11 +27,11 @@ const BOARD_ANGLES: [(&str, &str); 3] = [
 
 const MOTORS: [(&str, &str); 6] = [
     ("target1_rpm", "target speed of flagellum 1, counter-clockwise seen from above"),
-    ("speed1_rpm", "measured speed of flagellum 1"),
+    ("speed1_rpm", "speed of flagellum 1, by its encoder; without one by the swing, or as commanded"),
     ("target2_rpm", "target speed of flagellum 2"),
-    ("speed2_rpm", "measured speed of flagellum 2"),
-    ("turns1", "turns of flagellum 1, from its encoder"),
-    ("turns2", "turns of flagellum 2, from its encoder"),
+    ("speed2_rpm", "speed of flagellum 2, likewise"),
+    ("turns1", "turns of flagellum 1, from its encoder, or from that speed"),
+    ("turns2", "turns of flagellum 2, likewise"),
 ];
 
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.

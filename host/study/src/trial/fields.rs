@@ -32,8 +32,8 @@ pub const FRAME: [Field<Telemetry>; 18] = [
     field("temperature_counts", "raw reading of the thermometer", |f| f.temperature_counts.into()),
     field("duty1", "duty cycle of motor 1, -255 to 255", |f| motor(f.motor1, |motor| motor.duty)),
     field("duty2", "duty cycle of motor 2", |f| motor(f.motor2, |motor| motor.duty)),
-    field("encoder1_counts", "count of encoder 1", |f| motor(f.motor1, |motor| motor.encoder_counts)),
-    field("encoder2_counts", "count of encoder 2", |f| motor(f.motor2, |motor| motor.encoder_counts)),
+    field("encoder1_counts", "count of encoder 1; 0 without one", |f| motor(f.motor1, |motor| motor.encoder_counts)),
+    field("encoder2_counts", "count of encoder 2; 0 without one", |f| motor(f.motor2, |motor| motor.encoder_counts)),
     field("supply_v", "supply of the board; 0 before its first measurement", |f| f.supply_v),
 ];
 

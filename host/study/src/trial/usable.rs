@@ -79,6 +79,7 @@ impl Data {
             let [what, verb] = self.lacking();
             let bridged = match self.origin() {
                 Origin::Imported => "the angles are interpolated over the gaps",
+                _ if self.is_blind() => "the speeds from the swing bridge the gaps",
                 _ => "the encoders' angles bridge the gaps",
             };
             format!(

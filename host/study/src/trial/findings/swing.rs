@@ -37,7 +37,7 @@ static RULES: [Rule; 5] = [
     Rule::note(Swing, "check the speeds, and use angles that no filter has smoothed", told_otherwise),
     Rule::law(
         Swing,
-        "check the speeds with their unit and signs, the counts per turn of the encoders, and the unit and frame of the angles",
+        "check the speeds with their unit and signs, the counts per turn of encoders if there are any, and the unit and frame of the angles",
         other_swing,
     ),
 ];

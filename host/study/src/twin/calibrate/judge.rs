@@ -120,20 +120,19 @@ pub(super) fn misfits(
     }
     for (first, each) in weights.sensors(errors) {
         let Some((k, error)) = each.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else { continue };
-        if error.abs() > SENSOR_LIMIT {
+        let (of, times, name) = (sensor_error(k), error.abs(), &trials[first].name);
+        if times > SENSOR_LIMIT {
             said.push(format!(
-                "the fit takes an error of the sensor ({}) to be {:.0} times its standard uncertainty, for {} and the \
-                 other trials of its board",
-                sensor_error(k),
-                error.abs(),
-                trials[first].name
+                "the fit takes an error of the sensor ({of}) to be {times:.0} times its standard uncertainty, for {name} and the \
+                 other trials of its board"
             ));
         }
     }
     if !said.is_empty() {
         said.push(
             "the model does not describe these trials, whatever these parameters are, and the intervals do not hold: \
-             compare tank, head and flagella of the robot file with the robot, and check the trials"
+             compare tank, head and flagella of the robot file with the robot, and check the trials; without encoders the \
+             start of the motors, which is not measured, may be the cause"
                 .to_owned(),
         );
     }
