@@ -73,7 +73,7 @@ const NEAR_LEFT: f64 = 0.15;
 const AGREED_DEG: f64 = 30.0;
 
 /// Least mean tilt whose direction is judged, degrees: phases of the flagella tilt a robot by two.
-const LEAN_DEG: f64 = 3.0;
+pub const LEAN_DEG: f64 = 3.0;
 
 /// Number of beats of both motors that a mean swing needs.
 const BEATS: f64 = 2.0;
@@ -151,6 +151,11 @@ impl Labelled<'_> {
     /// Returns whether a motor's speed is within the error of a right label.
     fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
         (rpm[k] - self.rpm[k]).abs() <= self.error_rpm(k)
+    }
+
+    /// Returns the size of the mean tilt, degrees.
+    pub fn leans_by_deg(&self) -> Option<f64> {
+        self.lean_deg().map(size)
     }
 
     /// Returns the mean pitch and roll.
@@ -349,13 +354,6 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
 pub fn leans_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     let [one, other] = [one.lean_deg()?, other.lean_deg()?];
     (size(one).min(size(other)) > LEAN_DEG).then(|| angle_deg(other, one))
-}
-
-/// Returns whether a robot leans as with one motor `alone`, though the model of its label hardly does. `off_deg`: largest error of
-/// its tilt.
-pub fn leans_as_alone(model: &Labelled, alone: &Labelled, own: &Labelled, off_deg: f64) -> Option<bool> {
-    let [model, alone, own] = [model.lean_deg()?, alone.lean_deg()?, own.lean_deg()?].map(size);
-    Some(model < LEAN_DEG && own > off_deg + LEAN_DEG.max(alone / 2.0))
 }
 
 /// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it

@@ -5,7 +5,6 @@ use crate::trial::data::{Data, Event};
 use crate::trial::finding::FindingKind::Conduct;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
-use std::ops::Range;
 
 /// Beginning of the warning about a damaged frame in a log. A bad serial line causes many of them.
 pub const DAMAGED_FRAME: &str = "a frame was damaged";
@@ -78,8 +77,8 @@ fn ended(data: &Data) -> Option<String> {
 }
 
 fn long_gap(data: &Data) -> Option<String> {
-    let Range { start, end } = data.longest_gap().filter(|_| data.has_long_gap())?;
-    let [what, verb] = data.lacking();
+    let gap = data.longest_gap().filter(|_| data.has_long_gap())?;
+    let ([what, verb], [start, end]) = (data.lacking(), [gap.start, gap.end].map(|time_s| data.by_table_s(time_s)));
     Some(format!("the yaw may lack a full turn: {what} {verb} missing from {start:.1} s to {end:.1} s"))
 }
 

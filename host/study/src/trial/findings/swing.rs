@@ -4,8 +4,8 @@
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, tilt_deg, wrapped};
 use crate::swing::{
-    Cause, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_as_alone, leans_deg,
-    other_sides, scaled, turned_deg,
+    Cause, LEAN_DEG, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg, other_sides,
+    scaled, turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
@@ -114,14 +114,15 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
 
 /// Returns the causes if an import leans as a robot of which one motor turns, though its label has nearly equal speeds of one sense.
 fn as_of_one_motor(data: &Data, zeroed: &Zeroed, model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
-    zeroed.steady.as_ref().filter(|steady| steady.settled && !zeroed.rest.is_missing)?;
+    // An instrument's frame that is askew leans by twice its tilt at rest at most.
+    let own_deg = own.leans_by_deg()? - 2.0 * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    let is_upright = |other: &Labelled| other.leans_by_deg().is_some_and(|deg| deg < LEAN_DEG);
+    let is_likely = !zeroed.rest.is_missing && own_deg > LEAN_DEG && is_upright(model);
+    zeroed.steady.as_ref().filter(|steady| is_likely && steady.settled)?;
     let alone_deg = modelled(data.robot().ok()?, [own.rpm[0], 0.0], 1.0)?;
     let alone = Labelled { angles_deg: &alone_deg, ..model.clone() };
-    // An instrument's frame that is askew leans by twice its tilt at rest at most.
-    let off_deg = 2.0 * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
-    let leans = |other: &Labelled| leans_as_alone(other, &alone, own, off_deg) == Some(true);
     let causes = [[true, false], [false, true]].map(Cause::Sign).into_iter().chain([0, 1].map(Cause::Stands));
-    (leans(model) && is_of_any_stiffness(data, model, leans)).then(|| causes.collect())
+    (own_deg > alone.leans_by_deg()? / 2.0 && is_of_any_stiffness(data, model, is_upright)).then(|| causes.collect())
 }
 
 /// Compares the swing of an import with the swing of its robot's model.

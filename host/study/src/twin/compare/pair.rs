@@ -68,6 +68,11 @@ impl<'a> Pair<'a> {
         Ok(Self { measured, modelled })
     }
 
+    /// Returns whether the motors of one of them have no encoders.
+    pub fn is_blind(&self) -> bool {
+        self.measured.data.is_blind() || self.modelled.data.is_blind()
+    }
+
     /// Returns whether one of them is a steady state, without a transient.
     pub fn has_steady_state(&self) -> bool {
         self.measured.data.is_steady_state() || self.modelled.data.is_steady_state()

@@ -63,9 +63,8 @@ impl SteadyPair {
     pub fn budgets(&self, pair: &Pair) -> [Option<(Budget, f64)>; 3] {
         let is_same = pair.is_of_one_sensor();
         // Without encoders the motors of both trials start at other angles, so their slow approaches do not cancel.
-        let is_blind = pair.measured.data.is_blind() || pair.modelled.data.is_blind();
         let of = |side: &Side| match side.steady.of_model.unwrap_or_default() {
-            deg if is_blind => [0, 1, 2].map(|k| {
+            deg if pair.is_blind() => [0, 1, 2].map(|k| {
                 let u_deg = 0.5 * deg[k] + side.steady.to_come_deg[k];
                 Some(side.steady.budgets[k].clone()?.with(Term::of_trial(TO_COME, u_deg, f64::INFINITY)))
             }),

@@ -62,7 +62,7 @@ impl Blocks {
         if pair.has_steady_state() {
             return Err(Unjudged::SteadyState);
         }
-        if pair.measured.data.is_blind() || pair.modelled.data.is_blind() {
+        if pair.is_blind() {
             return Err(Unjudged::NoEncoders);
         }
         let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
