@@ -188,7 +188,7 @@ pub(super) fn speeds(
     // Noise, or speeds that are nearly one, may need a longer part, whose lines must go on to the end.
     let mut all = (0..parts.len()).map(|i| told(&parts[i], near).map(|told| (i, told)));
     let first = all.next().unwrap_or(Err(TOO_FEW));
-    let goes_on = |(_, (fit, _)): &(usize, (Fit, _))| goes_on(&parts[0], fit);
+    let goes_on = |(_, (fit, found)): &(usize, (Fit, Vec<f64>))| goes_on(&parts[0], fit, found);
     let (i, (of_part, found)) = first.or_else(|reason| all.flatten().next().filter(goes_on).ok_or(reason))?;
     let (part, longer) = (&parts[i], &parts[i + 1..]);
     let grown = |hz: [f64; 2]| {
@@ -224,13 +224,14 @@ pub(super) fn speeds(
 }
 
 /// Returns whether both motors swing a part at least half as much: a motor may have stopped before it.
-fn goes_on(part: &Motion, fit: &Fit) -> bool {
+fn goes_on(part: &Motion, fit: &Fit, found: &[f64]) -> bool {
     let swing = |fit: &Fit, k: usize| match fit.motor(k) {
         Some(line) => size(line.turns),
         // Motors of opposite senses may share a line.
         None => fit.motor(0).map_or(0.0, |line| size(line.opposite)),
     };
-    let short = Fitter::new(part).refined(fit.hz, [0.0; 2], 0).filter(|short| !short.leaves_much());
+    let fitter = Fitter::new(part).without_shaking(found);
+    let short = fitter.refined(fit.hz, [0.0; 2], 0).filter(|short| !short.leaves_much());
     short.is_some_and(|short| (0..2).all(|k| 2.0 * swing(&short, k) > swing(fit, k)))
 }
 

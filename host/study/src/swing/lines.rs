@@ -134,14 +134,23 @@ impl<'a> Fitter<'a> {
         let step = 0.35 / length_s;
         let grid: Vec<f64> = (2..(fastest_hz / step) as i32).map(|k| f64::from(k) * step).collect();
         let mut found: Vec<f64> = Vec::new();
+        // A parabola interpolates between the points of the grid.
+        let peak = |f: f64, residuals: &DMatrix<f64>| {
+            let [a, b, c] = [f - step, f, f + step].map(|f| self.power(f, residuals).iter().sum::<f64>());
+            let bend = a - 2.0 * b + c;
+            if bend < 0.0 { f + step * (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { f }
+        };
         while let Some(solved) = self.solve(&steady(&found)).filter(|_| found.len() < count) {
             let power = |f: f64| self.power(f, &solved.residuals).iter().sum::<f64>();
             let far = grid.iter().filter(|f| found.iter().all(|other| (*f - other).abs() * length_s > 0.5));
             let Some((_, f)) = far.map(|f| (power(*f), *f)).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            // A parabola interpolates between the points of the grid.
-            let [a, b, c] = [f - step, f, f + step].map(power);
-            let bend = a - 2.0 * b + c;
-            found.push(if bend < 0.0 { f + step * (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { f });
+            found.push(peak(f, &solved.residuals));
+        }
+        // Near lines pull each other's peak.
+        for i in (0..found.len()).cycle().take(3 * found.len()) {
+            let Some(solved) = self.solve(&steady(&found)) else { break };
+            let own = solved.columns.columns(2 * i, 2) * solved.values.rows(2 * i, 2);
+            found[i] = peak(found[i], &(own + solved.residuals));
         }
         found
     }
