@@ -23,6 +23,7 @@ pub trait Outbox {
 }
 
 /// The board's end of the link.
+#[derive(Default)]
 pub struct Link {
     accumulator: Accumulator,
     /// When the last intact frame came.
@@ -182,12 +183,6 @@ impl Link {
         if !enqueue(&MessageRef::Telemetry(telemetry), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
-    }
-}
-
-impl Default for Link {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

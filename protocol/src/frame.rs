@@ -123,7 +123,7 @@ pub fn read<'a, T: Deserialize<'a>>(payload: &'a [u8]) -> Result<T, FrameError> 
 }
 
 /// Collects received bytes into frames.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Accumulator {
     buffer: heapless::Vec<u8, MAX_FRAME>,
     overflowed: bool,
@@ -164,12 +164,6 @@ impl Accumulator {
     /// Returns the number of bytes of the unfinished frame.
     pub fn pending(&self) -> usize {
         if self.ended { 0 } else { self.buffer.len() }
-    }
-}
-
-impl Default for Accumulator {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -92,7 +92,7 @@ fn run(robot: &Robot, rpm: [f64; 2]) -> Result<Run, Box<dyn Error>> {
     let (mut state, mut control) = (solver.at_rest(), StepControl::default());
     state.motors = motors(0.0);
     let (mut out, mut last) = (Run::default(), [0.0; 6]);
-    let start = (Instant::now(), processor_s());
+    let start = Instant::now();
     for period in 1..=PERIODS {
         let mut sums = [0.0; 6];
         let end = PERIOD * period as f64;
@@ -112,17 +112,8 @@ fn run(robot: &Robot, rpm: [f64; 2]) -> Result<Run, Box<dyn Error>> {
         }
         out.periods.push(sums.map(|sum| sum / PERIOD));
     }
-    out.seconds = match (start.1, processor_s()) {
-        (Some(start), Some(end)) => end - start,
-        _ => start.0.elapsed().as_secs_f64(),
-    };
+    out.seconds = start.elapsed().as_secs_f64();
     Ok(out)
-}
-
-/// Returns the processor's time of this thread, s, where Linux tells it: other load does not count.
-fn processor_s() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    text.split_whitespace().next()?.parse::<f64>().ok().map(|nanoseconds| 1e-9 * nanoseconds)
 }
 
 /// A robot with steps whose error is a seventh of the default, over `times`.
@@ -189,10 +180,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     for rpm in points {
         let usual = run(&robot, rpm)?;
-        let mut seconds = usual.seconds;
-        for _ in 1..REPEATS {
-            seconds = seconds.min(run(&robot, rpm)?.seconds);
-        }
+        let again = |least: f64, _| run(&robot, rpm).map(|run| least.min(run.seconds));
+        let seconds = (1..REPEATS).try_fold(usual.seconds, again)?;
         let (shorter, shortest) = (run(&tight(robot.clone(), 1.0), rpm)?, run(&tight(robot.clone(), 2.0), rpm)?);
         let [thrust, yaw, tilt] = usual.errors(&shortest);
         let ([w1, w2], [last_thrust, last_yaw, last_tilt]) = (rpm, shorter.errors(&shortest));

@@ -16,7 +16,7 @@ use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
 /// Attitude and angular velocity of the base.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Body to world.
     pub attitude: UnitQuaternion<f64>,
@@ -24,10 +24,4 @@ pub struct Body {
     pub rate: V3,
     /// Yaw in rad, unwrapped: the tether counts revolutions.
     pub yaw: f64,
-}
-
-impl Default for Body {
-    fn default() -> Self {
-        Self { attitude: UnitQuaternion::identity(), rate: V3::zeros(), yaw: 0.0 }
-    }
 }

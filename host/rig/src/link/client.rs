@@ -76,9 +76,8 @@ impl Link {
         let (sender, events) = channel();
         let alive = Arc::new(Mutex::new(Instant::now()));
         let mut worker = Worker::new(port, pending, sender, Some(alive.clone()), first_seq());
-        if system::port::is_emulated(path) {
-            worker = worker.with_signs();
-        }
+        // The time of an emulated board stops without signs of life.
+        worker.next_sign = system::port::is_emulated(path).then_some(Duration::ZERO);
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())

@@ -126,7 +126,7 @@ pub(super) struct Worker<L: Line> {
     silence_told: Duration,
     next_ping: Duration,
     /// When the next sign of life is due; `None` for a board whose time passes anyway.
-    next_sign: Option<Duration>,
+    pub(super) next_sign: Option<Duration>,
     /// The board's clock in the last frame of its stream, and in the last frame before the last request.
     board_time: Option<Micros>,
     board_time_at_send: Option<Micros>,
@@ -168,11 +168,6 @@ impl<L: Line> Worker<L> {
             board_time: None,
             board_time_at_send: None,
         }
-    }
-
-    /// Returns the worker of a line to an emulated board, whose time stops without signs of life.
-    pub(super) fn with_signs(self) -> Self {
-        Self { next_sign: Some(Duration::ZERO), ..self }
     }
 
     pub(super) fn run(mut self) {

@@ -76,8 +76,7 @@ pub fn measure(
     stream::with_motors(link, || {
         let mut result = MeasuredLines { lines: Lines::default(), turns_back: [false; 2] };
         for motor in 0..2 {
-            let ((forwards, supply_v), (backwards, _)) = (half(motor, 1)?, half(motor, -1)?);
-            result.lines.supply_v = supply_v;
+            let (forwards, backwards) = (half(motor, 1)?, half(motor, -1)?);
             result.turns_back[motor] = senses(motor, &forwards, &backwards)?;
             // A motor that turns backwards winds the flagella about each other. They would stay so, and hide the swing of the next one.
             if !result.turns_back[motor] {
@@ -89,7 +88,7 @@ pub fn measure(
             if result.turns_back[motor] {
                 std::mem::swap(&mut forwards, &mut backwards);
             }
-            result.lines.motor[motor] = Line { forwards, backwards, more: 0.0 };
+            result.lines.motor[motor] = Line { forwards, backwards, ..Line::default() };
         }
         Ok(result)
     })
@@ -126,15 +125,12 @@ struct Half<'a> {
 }
 
 impl Half<'_> {
-    /// Returns duties and their speeds (rpm) in ascending order, starting with the highest duty at which the motor stands; and
-    /// the supply, V.
-    fn measure(&self) -> Result<(Vec<(u8, f64)>, f64), RecordError> {
+    /// Returns duties and their speeds (rpm) in ascending order, starting with the highest duty at which the motor stands.
+    fn measure(&self) -> Result<Vec<(u8, f64)>, RecordError> {
         let mut stands = 0;
         let mut points: Vec<(u8, f64)> = Vec::new();
-        let mut supply_v = 0.0;
         for duties in [&DUTIES[..SAFE], &DUTIES[SAFE..]] {
             let frames = self.turn(duties)?;
-            supply_v = frames.last().map_or(0.0, |frame| frame.supply.volts());
             for (number, &duty) in (1..).zip(duties) {
                 match self.told(&frames, number, duty) {
                     Ok(Some(rpm)) => points.push((duty, rpm)),
@@ -168,7 +164,7 @@ impl Half<'_> {
         if let Some(pair) = points.windows(2).find(|pair| pair[1].1.abs() <= pair[0].1.abs()) {
             return Err(self.no_swing(pair[1].0, "it is not faster than at a lower duty"));
         }
-        Ok((points, supply_v))
+        Ok(points)
     }
 
     /// Returns the speed in a phase of these frames, as [`Self::speed`]. If the motor wanders too much for a measurement, it is

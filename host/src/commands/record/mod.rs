@@ -203,7 +203,7 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
     prepare(&link, plan)?;
     let note_of_sensor = board_sensor::complete(plan, &link)?;
     let settings = settings::read(&link)?;
-    if plan.has_phases() {
+    if plan.has_phases() || plan.trials.iter().any(|trial| trial.reverse.is_some()) {
         settings::need_encoders(&settings)?;
     }
     if args.r#virtual.is_some() && settings.speed_from == SpeedFrom::Encoders {

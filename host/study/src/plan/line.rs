@@ -6,9 +6,11 @@
 
 use super::BoardSettings;
 use miette::Diagnostic;
+use nalgebra::{Matrix2, Vector2};
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
+use sim::functions::{exp, ln};
 use std::fmt;
 use std::ops::RangeInclusive;
 use thiserror::Error;
@@ -31,17 +33,22 @@ pub struct Line {
     pub forwards: Vec<LinePoint>,
     /// Turning backwards.
     pub backwards: Vec<LinePoint>,
-    /// Relative increase of all duties, because the supply has sagged since the measurement.
+    /// What the supply has changed since the measurement.
     #[serde(skip)]
-    pub more: f64,
+    pub sag: Sag,
+}
+
+/// Increase of a line's duties because its supply has sagged, as a logarithm that is linear in the speed: a motor that runs freely
+/// between pulses needs more of it at high speeds, a motor that brakes the same at all. A Kalman filter estimates both terms.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sag {
+    terms: Vector2<f64>,
+    covariance: Matrix2<f64>,
 }
 
 /// The lines of both motors of a board.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
-#[serde(deny_unknown_fields)]
 pub struct Lines {
-    /// The board's supply when they were measured, V.
-    pub supply_v: f64,
     /// The board's settings for which they hold: `bridge` and `motor_reversed`.
     pub wiring: BoardSettings,
     /// Motors 1 and 2.
@@ -51,7 +58,7 @@ pub struct Lines {
 /// A speed outside the range of a motor's line.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("motor {motor} turns at {} to {} rpm by its line, and {wanted_rpm} are planned", .from_rpm.ceil(), .to_rpm.floor())]
-#[diagnostic(help(
+#[diagnostic(code(wrong_use), help(
     "plan other speeds: motor 1 turns at {}, motor 2 at {}; or change the supply of the motors and measure them again with `biflag doctor --motors`",
     .ranges[0], .ranges[1]
 ))]
@@ -68,12 +75,16 @@ pub struct OffTheLine {
     pub ranges: [String; 2],
 }
 
-/// Ratios of the wanted to the reached duty that one trial may correct.
-const MOST_SAG: RangeInclusive<f64> = 0.85..=1.15;
+/// Ratios of the used to the expected duty that one trial may correct.
+const MOST_SAG: RangeInclusive<f64> = 0.65..=1.5;
 
-/// Part of a further deviation that is corrected: the rest may be a wander of the motor. The first one is corrected entirely, because
-/// the supply may have sagged by more.
-const FOLLOWED: f64 = 0.5;
+/// Standard deviations of both terms of a sag before the first trial, and of their change from trial to trial and of what a trial
+/// tells, because the motor's speed wanders and the duty is rounded. Own choice.
+const SAG: f64 = 0.1;
+const OF_A_TRIAL: f64 = 0.01;
+
+/// Speed at which the first term of a sag holds, rpm.
+const MIDDLE_RPM: f64 = 50.0;
 
 /// Lowest speed with a duty, as a share of the lowest measured speed.
 const LOWEST: f64 = 0.8;
@@ -102,14 +113,11 @@ impl Lines {
     /// Corrects the duties for a sagging battery, from the speeds `turned_rpm` that the motors reached instead of `speeds`.
     pub fn follow(&mut self, speeds: [CentiRpm; 2], turned_rpm: [f64; 2]) {
         for (motor, line) in self.motor.iter_mut().enumerate() {
-            let [wanted, turned] = [speeds[motor].rpm(), turned_rpm[motor]].map(|rpm| line.duty(rpm));
-            let (Ok(wanted), Ok(turned)) = (wanted, turned) else { continue };
-            // Duties are compared, because a sag reduces the voltages of all duties by one share, but slow speeds by more than
-            // fast ones.
-            let share = wanted.round() / turned;
-            if turned_rpm[motor] * speeds[motor].rpm() > 0.0 && MOST_SAG.contains(&share) {
-                let part = if line.more == 0.0 { 1.0 } else { FOLLOWED };
-                line.more += (1.0 + line.more) * part * (share - 1.0);
+            let (asked_rpm, turned_rpm) = (speeds[motor].rpm(), turned_rpm[motor]);
+            let [used, expected] = [asked_rpm, turned_rpm].map(|rpm| line.duty(rpm));
+            let (Ok(used), Ok(expected)) = (used.map(f64::round), expected) else { continue };
+            if turned_rpm * asked_rpm > 0.0 && MOST_SAG.contains(&(used / expected)) {
+                line.sag.correct(ln(used / expected), turned_rpm);
             }
         }
     }
@@ -122,20 +130,52 @@ impl Lines {
 }
 
 impl Line {
+    /// Returns the points of the sense of a speed.
+    fn points(&self, speed_rpm: f64) -> &[LinePoint] {
+        if speed_rpm < 0.0 { &self.backwards } else { &self.forwards }
+    }
+
     /// Returns the duty of a speed.
     ///
     /// # Errors
     /// The slowest and the fastest speed with a duty.
     fn duty(&self, speed_rpm: f64) -> Result<f64, [f64; 2]> {
-        let points = if speed_rpm < 0.0 { &self.backwards } else { &self.forwards };
-        let wanted = speed_rpm.abs();
+        let (points, wanted) = (self.points(speed_rpm), speed_rpm.abs());
         if wanted == 0.0 {
             return Ok(0.0);
         }
-        let range = range_rpm(points, self.more);
+        let range = range_rpm(points, &self.sag);
         let is_told = wanted >= range[0] && wanted <= range[1];
-        if is_told { Ok((curve(points, wanted) * (1.0 + self.more)).max(1.0)) } else { Err(range) }
+        if is_told { Ok((curve(points, wanted) * self.sag.factor(wanted)).max(1.0)) } else { Err(range) }
     }
+}
+
+impl Default for Sag {
+    fn default() -> Self {
+        Self { terms: Vector2::zeros(), covariance: Matrix2::from_diagonal_element(SAG * SAG) }
+    }
+}
+
+impl Sag {
+    /// Returns the ratio of the duty of a speed to the measured one.
+    fn factor(&self, rpm: f64) -> f64 {
+        exp(self.terms.dot(&at(rpm)))
+    }
+
+    /// Corrects the terms by the logarithm of the used to the expected duty of a speed.
+    fn correct(&mut self, more: f64, rpm: f64) {
+        let (at, variance) = (at(rpm), OF_A_TRIAL * OF_A_TRIAL);
+        self.covariance += Matrix2::from_diagonal_element(variance);
+        let both = self.covariance * at;
+        let gain = both / (at.dot(&both) + variance);
+        self.terms += gain * more;
+        self.covariance -= gain * both.transpose();
+    }
+}
+
+/// Returns the factors of the terms of a sag at a speed.
+fn at(rpm: f64) -> Vector2<f64> {
+    Vector2::new(1.0, rpm.abs() / MIDDLE_RPM - 1.0)
 }
 
 /// Returns the duty of a speed on the curve through points: a cubic in each interval. Its slope at a point is the harmonic mean
@@ -156,18 +196,20 @@ fn curve(points: &[LinePoint], rpm: f64) -> f64 {
     straight + width(at) * part * (1.0 - part) * ((1.0 - part) * begin - part * end)
 }
 
-/// Returns the slowest and the fastest speed in one sense, rpm, with all duties larger by the share `more`.
-fn range_rpm(points: &[LinePoint], more: f64) -> [f64; 2] {
+/// Returns the slowest and the fastest speed in one sense, rpm.
+fn range_rpm(points: &[LinePoint], sag: &Sag) -> [f64; 2] {
     let [.., before, last] = points else { return [0.0; 2] };
     let lowest = LOWEST * points.iter().map(|point| point.speed_rpm).find(|rpm| *rpm > 0.0).unwrap_or_default();
     let rise = (last.speed_rpm - before.speed_rpm) / f64::from(last.duty - before.duty);
-    [lowest, last.speed_rpm + (f64::from(u8::MAX) / (1.0 + more) - f64::from(last.duty)) * rise]
+    let highest = |rpm: f64| last.speed_rpm + (f64::from(u8::MAX) / sag.factor(rpm) - f64::from(last.duty)) * rise;
+    // The sag is that of the highest speed itself.
+    [lowest, (0..4).fold(last.speed_rpm, |rpm, _| highest(rpm))]
 }
 
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [forwards, backwards] = [&self.forwards, &self.backwards].map(|points| {
-            let [from, to] = range_rpm(points, self.more);
+            let [from, to] = range_rpm(points, &self.sag);
             format!("{} to {} rpm", from.ceil(), to.floor())
         });
         write!(f, "{forwards} forwards and {backwards} backwards")
@@ -183,9 +225,9 @@ mod tests {
         let line = Line {
             forwards: points([(60, 20.0), (100, 50.0), (200, 100.0)]),
             backwards: points([(60, 10.0), (100, 30.0), (200, 60.0)]),
-            more: 0.0,
+            sag: Sag::default(),
         };
-        Lines { supply_v: 5.0, wiring: Lines::wiring_of(&Settings::DEFAULT), motor: [line.clone(), line] }
+        Lines { wiring: Lines::wiring_of(&Settings::DEFAULT), motor: [line.clone(), line] }
     }
 
     #[test]
@@ -223,7 +265,7 @@ mod tests {
         lines.follow(asked(50.0, -30.0), [45.0, 0.5]);
         assert_eq!(lines.duties(asked(-30.0, -30.0)), Ok([107, 100]), "100 by 93 at first, in both senses");
         lines.follow(asked(50.0, -30.0), [45.0, 0.5]);
-        assert_eq!(lines.duties(asked(50.0, -30.0)), Ok([111, 100]), "half of what is left");
+        assert_eq!(lines.duties(asked(50.0, -30.0)), Ok([112, 100]), "most of what is left");
         // With a supply that is a tenth lower, a duty of 100 does what 90 did.
         let before = super::tests::lines().motor[0].clone();
         for rpm in [50.0, 75.0, 35.0, 60.0, 80.0] {
@@ -234,6 +276,33 @@ mod tests {
         }
         assert_eq!(lines.duties(asked(50.0, 0.0)), Ok([111, 0]));
         assert!(lines.duties(asked(120.0, 0.0)).is_err(), "no longer reached");
+    }
+
+    /// The line of the emulated rig `duty`, motor 1 forwards at 6.4 V, and its duties at 5.6 V. Its bridge loses 1.8 V and lets the
+    /// motor run between pulses.
+    #[test]
+    fn a_sag_that_grows_with_the_speed_is_followed() {
+        let points = [(54, 0.0), (56, 8.5), (60, 20.9), (75, 54.9), (95, 82.0), (130, 106.6), (200, 126.7)];
+        let points = points.map(|(duty, speed_rpm)| LinePoint { duty, speed_rpm }).to_vec();
+        let sagged: Vec<LinePoint> =
+            [(63, 8.6), (70, 19.9), (75, 29.1), (82, 40.0), (90, 50.1), (113, 70.3), (130, 79.8)]
+                .map(|(duty, speed_rpm)| LinePoint { duty, speed_rpm })
+                .to_vec();
+        let line = Line { forwards: points, ..Line::default() };
+        let mut lines = Lines { motor: [line, Line::default()], ..Lines::default() };
+        let asked = |rpm: f64| [CentiRpm::from_rpm(rpm), CentiRpm(0)];
+        let off = |lines: &Lines, rpm: f64| {
+            let [duty, _] = lines.duties(asked(rpm)).unwrap();
+            let turned = |rpm: &f64| curve(&sagged, *rpm) >= f64::from(duty);
+            (60..800).map(|i| f64::from(i) * 0.1).find(turned).unwrap() - rpm
+        };
+        for rpm in [50.0, 25.0, 75.0] {
+            let turned = rpm + off(&lines, rpm);
+            lines.follow(asked(rpm), [turned, 0.0]);
+        }
+        for rpm in [20.0, 30.0, 45.0, 60.0, 75.0] {
+            assert!(off(&lines, rpm).abs() < 0.04 * rpm, "{rpm}: {}", off(&lines, rpm));
+        }
     }
 
     #[test]

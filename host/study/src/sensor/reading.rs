@@ -120,10 +120,6 @@ impl Mean {
     pub fn rate_u_dps(&self) -> [f64; 3] {
         self.squares.map(|squares| (2.0 * squares).sqrt() / self.count.max(1.0))
     }
-
-    fn noise_dps(&self) -> f64 {
-        self.squares.iter().map(|squares| (squares / self.count.max(1.0)).sqrt()).fold(0.0, f64::max)
-    }
 }
 
 /// Effect of a new reading on the rest.
@@ -190,7 +186,8 @@ impl Rests {
 
     fn is_still(&self, before: &Mean, block: &Mean) -> bool {
         let off = |from: &[f64; 3]| (0..3).map(|i| (block.rate_dps[i] - from[i]).abs()).fold(0.0, f64::max);
-        block.noise_dps() < STILL_NOISE_DPS
+        let squares = block.squares.into_iter().fold(0.0, f64::max);
+        (squares / block.count.max(1.0)).sqrt() < STILL_NOISE_DPS
             && off(&before.rate_dps) < STILL_CHANGE_DPS
             && self.bias_dps.map_or(off(&[0.0; 3]) < LARGEST_BIAS_DPS, |bias_dps| off(&bias_dps) < STILL_BIAS_DPS)
     }

@@ -46,10 +46,3 @@ pub struct Observation {
     /// Mean pitch over the same time.
     pub mean_pitch_deg: f64,
 }
-
-impl Observation {
-    /// Returns target minus mean for yaw and pitch, degrees.
-    pub fn misses_deg(&self) -> [f64; 2] {
-        [self.wanted.yaw_deg - self.mean_yaw_deg, self.wanted.pitch_deg - self.mean_pitch_deg]
-    }
-}

@@ -52,7 +52,8 @@ impl Steering {
         self.means.push(time_s, [measured.yaw_deg, measured.pitch_deg]);
         let [mean_yaw_deg, mean_pitch_deg] = self.means.over_turns(self.speeds.map(CentiRpm::rpm));
         let observation = Observation { time_s, wanted: self.wanted, measured, mean_yaw_deg, mean_pitch_deg };
-        let is_near = observation.misses_deg().iter().all(|miss| miss.abs() <= REACHED_DEG);
+        let off_deg = [mean_yaw_deg - self.wanted.yaw_deg, mean_pitch_deg - self.wanted.pitch_deg];
+        let is_near = off_deg.into_iter().all(|deg| deg.abs() <= REACHED_DEG);
         self.reached_s = self.reached_s.or(Some(time_s)).filter(|_| is_near);
         let period_s = self.last_s.replace(time_s).map_or(0.0, |last_s| time_s - last_s);
         if let Pilot::Policy(policy) = &mut self.pilot {

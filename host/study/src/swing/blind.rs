@@ -258,9 +258,9 @@ fn told(motion: &Motion, near: Option<&Labelled>) -> Result<(Fit, Vec<f64>), &'s
     let pairs = (0..found.len()).flat_map(|i| (0..i).map(move |j| [i, j])).map(|pair| pair.map(|i| found[i]));
     let alone = found.iter().flat_map(|f| [[*f, 0.0], [*f, *f], [*f, -f]]);
     let is_likely = |reading: &Reading| near.is_none_or(|label| label.is_of(reading.fit.hz.map(|f| f * 60.0)));
-    let of = |fit: &Fit| readings(fit).into_iter().filter(is_likely);
     let rough = pairs.chain(alone).filter_map(|hz| fitter.refined(hz, [0.0; 2], 0));
-    let mut rough: Vec<Reading> = rough.filter_map(|fit| of(&fit).max_by(|a, b| a.score.total_cmp(&b.score))).collect();
+    let likely = rough.map(|fit| readings(&fit).into_iter().filter(is_likely));
+    let mut rough: Vec<Reading> = likely.filter_map(|all| all.max_by(|a, b| a.score.total_cmp(&b.score))).collect();
     rough.sort_by(|a, b| b.score.total_cmp(&a.score));
     rough.truncate(REFINED);
     let turn_hz = 1.0 / motion.length_s;

@@ -145,7 +145,7 @@ impl Scatter {
             Judgement::AsBudget => None,
             Judgement::More => Some(format!(
                 "{angle} scatters by more than the {high:.2}° that its budget explains: something else changes between the \
-                 trials"
+                 trials, such as a temperature, or the speeds of motors without encoders"
             )),
             Judgement::Less => Some(format!(
                 "{angle} scatters by less than the {low:.2}° that its budget explains: the budget is too large"

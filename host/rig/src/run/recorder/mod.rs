@@ -144,7 +144,9 @@ impl<'a> Recorder<'a> {
             if frame.telemetry.fault != Fault::None {
                 self.keep(frame)?;
             }
-            if frame.telemetry.imu_fresh && self.is_sampled(&frame)? {
+            // The shape of a simulated robot is sampled in some ticks only.
+            let mut is_sampled = || self.truth.as_mut().map_or(Ok(true), |truth| truth.has_shape_in(frame.board_us));
+            if frame.telemetry.imu_fresh && is_sampled()? {
                 self.pending = Some(frame);
                 return Ok(frame.board_us);
             }
@@ -293,12 +295,6 @@ impl<'a> Recorder<'a> {
             }
         }
         outcome
-    }
-
-    /// Returns whether the shape of a simulated robot is sampled in this frame's tick; `true` without a simulated
-    /// robot.
-    fn is_sampled(&mut self, frame: &Frame) -> Result<bool, RecordError> {
-        self.truth.as_mut().map_or(Ok(true), |truth| Ok(truth.has_shape_in(frame.board_us)?))
     }
 
     /// Records the ground truth of a simulated robot up to the last recorded frame.
