@@ -127,40 +127,24 @@ struct Half<'a> {
 impl Half<'_> {
     /// Returns duties and their speeds (rpm) in ascending order, starting with the highest duty at which the motor stands.
     fn measure(&self) -> Result<Vec<(u8, f64)>, RecordError> {
-        let mut stands = 0;
+        let (mut stands, mut slow) = (0, 0);
         let mut points: Vec<(u8, f64)> = Vec::new();
         for duties in [&DUTIES[..SAFE], &DUTIES[SAFE..]] {
             let frames = self.turn(duties)?;
             for (number, &duty) in (1..).zip(duties) {
                 match self.told(&frames, number, duty) {
                     Ok(Some(rpm)) => points.push((duty, rpm)),
-                    // A motor that hardly turns sticks now and then, and the rest of the earlier motion does not look like a
-                    // swing.
-                    Ok(None) | Err(RecordError::NoSwing { .. }) if points.is_empty() => stands = duty,
+                    Ok(None) if points.is_empty() => (stands, slow) = (duty, duty),
+                    Err(RecordError::NoSwing { .. }) if points.is_empty() => slow = duty,
                     Ok(None) => return Err(self.no_swing(duty, "it stands, though it turns at a lower duty")),
                     Err(error) => return Err(error),
                 }
             }
             if points.is_empty() {
-                return Err(self.no_swing(stands, "it hardly swings"));
+                return Err(self.no_swing(slow, "it hardly swings"));
             }
         }
-        let mut turns = points[0].0;
-        for halved in 0..MOST_HALVINGS {
-            if turns - stands < 2 || halved >= HALVINGS && points[0].1.abs() < SLOW_RPM {
-                break;
-            }
-            let duty = stands.midpoint(turns);
-            match self.told(&self.turn(&[duty])?, 1, duty) {
-                Ok(Some(rpm)) => {
-                    turns = duty;
-                    points.insert(0, (duty, rpm));
-                }
-                Ok(None) | Err(RecordError::NoSwing { .. }) => stands = duty,
-                Err(error) => return Err(error),
-            }
-        }
-        points.insert(0, (stands, 0.0));
+        let points = with_start(points, stands, slow, |duty| self.told(&self.turn(&[duty])?, 1, duty))?;
         if let Some(pair) = points.windows(2).find(|pair| pair[1].1.abs() <= pair[0].1.abs()) {
             return Err(self.no_swing(pair[1].0, "it is not faster than at a lower duty"));
         }
@@ -234,6 +218,34 @@ impl Half<'_> {
     }
 }
 
+/// Adds slow points to a line, and the duty `stands` at which the motor stands. Between it and the first point, `slow` is a duty
+/// whose motion is no swing: a motor that hardly turns sticks now and then, and a flagellum that touches the standing one winds.
+fn with_start(
+    mut points: Vec<(u8, f64)>,
+    mut stands: u8,
+    mut slow: u8,
+    mut told: impl FnMut(u8) -> Result<Option<f64>, RecordError>,
+) -> Result<Vec<(u8, f64)>, RecordError> {
+    let mut turns = points[0].0;
+    for halved in 0..MOST_HALVINGS {
+        if turns - slow < 2 || halved >= HALVINGS && points[0].1.abs() < SLOW_RPM {
+            break;
+        }
+        let duty = slow.midpoint(turns);
+        match told(duty) {
+            Ok(Some(rpm)) => {
+                turns = duty;
+                points.insert(0, (duty, rpm));
+            }
+            Ok(None) => (stands, slow) = (duty, duty),
+            Err(RecordError::NoSwing { .. }) => slow = duty,
+            Err(error) => return Err(error),
+        }
+    }
+    points.insert(0, (stands, 0.0));
+    Ok(points)
+}
+
 /// Returns whether a motor turns backwards at a positive duty, according to most of its points.
 fn senses(motor: usize, forwards: &[(u8, f64)], backwards: &[(u8, f64)]) -> Result<bool, RecordError> {
     let sum = |points: &[(u8, f64)]| points.iter().skip(1).map(|(_, rpm)| rpm.signum()).sum::<f64>();
@@ -245,5 +257,22 @@ fn senses(motor: usize, forwards: &[(u8, f64)], backwards: &[(u8, f64)]) -> Resu
             let reason = "it does not turn in opposite senses at opposite duties";
             Err(RecordError::NoSwing { motor: motor + 1, duty: DUTIES[DUTIES.len() - 1], reason })
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The emulated rig `duty`, motor 2 backwards: it turns from 68 on, and below 75 its flagellum winds about the other one.
+    #[test]
+    fn a_motion_that_is_no_swing_is_not_a_motor_that_stands() {
+        let told = |duty: u8| match duty {
+            0..=67 => Ok(None),
+            68..75 => Err(RecordError::NoSwing { motor: 2, duty, reason: "" }),
+            _ => Ok(Some(-23.9)),
+        };
+        let points = with_start(vec![(75, -23.9), (95, -56.3)], 60, 60, told).unwrap();
+        assert_eq!(points, [(67, 0.0), (75, -23.9), (95, -56.3)]);
     }
 }

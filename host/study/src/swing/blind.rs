@@ -67,6 +67,9 @@ const LEAST_OPPOSITE: f64 = 0.33;
 /// Ratio of a motor's usual swing to the other motor's, below which its sense is not estimated.
 const HIDDEN: f64 = 0.06;
 
+/// Ratios of the speeds of two flagella that touch at which one of them may be no motor's.
+const DOUBTFUL: [[f64; 2]; 6] = [[4.0, 3.0], [3.0, 2.0], [5.0, 3.0], [5.0, 2.0], [3.0, 1.0], [4.0, 1.0]];
+
 /// Largest opposite component of a motor's line, relative to the component that turns with the motor.
 const FLATTEST: f64 = 0.75;
 
@@ -197,8 +200,13 @@ pub(super) fn speeds(
         longer.iter().try_fold(first, |(fitter, fit), part| followed(fitter.longer(part, &found), fit.hz, reach))
     };
     let (fitter, fit) = grown(of_part.hz).ok_or(TOUCH)?;
-    let uncertainty = uncertainty_rpm(&fitter, &fit, motion.length_s);
-    if fit.leaves_much() || uncertainty.iter().any(|rpm| *rpm > MOST_RPM) {
+    let (rates, swing_dps) = (fitter.rates(), fitter.swing_dps());
+    let pull = [0, 1].map(|k| pull_turns(&fit, k, swing_dps) * 60.0 / motion.length_s);
+    let scatter = uncertainty_rpm(&fitter, &fit, motion.length_s);
+    let uncertainty = [0, 1].map(|k| hypot(scatter[k], pull[k]));
+    // Flagella that touch pull a line for long.
+    let both_wrap = fit.hz.iter().all(|f| *f < 0.0);
+    if fit.leaves_much() || if both_wrap { uncertainty } else { scatter }.iter().any(|rpm| *rpm > MOST_RPM) {
         return Err(TOUCH);
     }
     let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);
@@ -210,9 +218,7 @@ pub(super) fn speeds(
             return Err(ONE_OR_NEAR);
         }
     }
-    let (rates, swing_dps) = (fitter.rates(), fitter.swing_dps());
-    let pull = |k: usize| pull_turns(&fit, k, swing_dps) * 60.0 / motion.length_s;
-    let [one, two] = [0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, hypot(uncertainty[k], pull(k))));
+    let [one, two] = [0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, uncertainty[k]));
     Ok(SwingSpeeds {
         measured_w1_rpm: Some(one.0),
         measured_w1_uncertainty_rpm: Some(one.1),
@@ -312,11 +318,11 @@ fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'st
         [Some(a), Some(b)] if (one.abs() - other.abs()).abs() > 1.0 => {
             let rpm = fit.hz.map(|f| f * 60.0);
             let slow = usize::from(rpm[1].abs() < rpm[0].abs());
-            // Where flagella touch, the double of the slow speed and the difference of both may be one line.
-            let is_mixed = |thirds: f64| (thirds * rpm[1 - slow] - 3.0 * rpm[slow]).abs() / 60.0 * length_s < 1.0;
+            // Where both touch, a sum or a difference of both speeds, or a half of one, may look like a motor.
+            let is_mixed = |[a, b]: &[f64; 2]| (a * rpm[slow] - b * rpm[1 - slow]).abs() / 60.0 * length_s < 1.0;
             // A fast flagellum that wraps also swings the base as a slow motor does, in either sense.
             let is_hidden = rpm[1 - slow] < 0.0
-                && (beside_the_other(rpm, slow) < HIDDEN || fit.hides_one() || is_mixed(1.0) || is_mixed(2.0));
+                && (beside_the_other(rpm, slow) < HIDDEN || fit.hides_one() || DOUBTFUL.iter().any(is_mixed));
             if is_hidden || [a, b].iter().any(|line| size(line.opposite) > FLATTEST * size(line.turns)) {
                 return Some("the swing of one motor hides that of the other");
             }

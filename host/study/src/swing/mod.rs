@@ -93,6 +93,9 @@ const ALIKE: f64 = 8.0;
 /// Score of a label that is faster than any motor: another cause must then score above the margin by itself.
 const TOO_FAST: f64 = 0.0;
 
+/// Ratio of a motor's swing at the end of a motion to that in all of it, below which it has stopped or turns otherwise.
+const STOPPED: f64 = 0.4;
+
 /// Noise of the angles, averaged over a tenth of a second, above which causes about one motor are not judged, degrees.
 const NOISY_DEG: f64 = 0.3;
 
@@ -258,11 +261,12 @@ pub fn label(trial: &Labelled) -> Label {
     let fitter = fitter.without_shaking(&found);
     let readings = Readings { fitter: &fitter, trial };
     let fastest_rpm = trial.fastest_rpm();
-    let (score, is_lost) = match readings.at(trial.rpm, 3) {
-        Some((score, fit)) => (score, fit.left.iter().all(|left| *left > LOST)),
-        None if fastest_rpm > FASTEST_RPM => (TOO_FAST, false),
+    let (score, own) = match readings.at(trial.rpm, 3) {
+        Some((score, fit)) => (score, Some(fit)),
+        None if fastest_rpm > FASTEST_RPM => (TOO_FAST, None),
         None => return Label::NotJudged("the label's lines fall together"),
     };
+    let is_lost = own.as_ref().is_some_and(|fit| fit.left.iter().all(|left| *left > LOST));
     if doubts.is_noisy && (SLOWEST_RPM / 2.0..SLOWEST_RPM * 1.5).contains(&fastest_rpm) {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
@@ -270,11 +274,35 @@ pub fn label(trial: &Labelled) -> Label {
     let is_own = |rpm: f64| found.first().is_some_and(|f| is_near([60.0 * f, rpm.abs()], doubts.length_s));
     match better[..] {
         [] if fastest_rpm < SLOWEST_RPM => Label::NotJudged("both motors are slow"),
+        [] if let Some(causes) = own.and_then(|own| otherwise_at_the_end(trial, &own, &found, &doubts)) => {
+            Label::Wrong(causes)
+        }
         [] if !is_lost || doubts.is_noisy || trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm)) => Label::Right,
         [] if trial.rpm.into_iter().all(is_own) => Label::Right,
         [] => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
         _ => Label::Wrong(said(&better)),
     }
+}
+
+/// Returns the causes if a motor hardly swings the end of a motion, of which the steady angles are, though it swings the whole.
+fn otherwise_at_the_end(trial: &Labelled, own: &Fit, found: &[f64], doubts: &Doubts) -> Option<Vec<Cause>> {
+    let end_s = trial.settled_s.end;
+    let end = Labelled { settled_s: end_s - blind::PART_S..end_s, told_rpm: None, ..trial.clone() };
+    if trial.touches || doubts.is_noisy || trial.may_be_alike() || doubts.length_s < 1.5 * blind::PART_S {
+        return None;
+    }
+    let motion = Motion::of(end.angles_deg, end.settled_s.clone())?;
+    let (_, fit) = Readings { fitter: &Fitter::new(&motion).without_shaking(found), trial: &end }.at(end.rpm, 3)?;
+    let has_stopped = |k: &usize| {
+        let swing = |fit: &Fit| fit.motor(*k).map(|line| size(line.turns));
+        let pair = swing(&fit).zip(swing(own)).filter(|_| trial.rpm[*k].abs() >= SLOWEST_RPM);
+        pair.is_some_and(|(at_the_end, in_all)| at_the_end < STOPPED * in_all)
+    };
+    let motor = (0..2).find(has_stopped)?;
+    Some(match label(&end) {
+        Label::Wrong(causes) => causes,
+        _ => vec![Cause::Stands(motor)],
+    })
 }
 
 /// Returns the verdict if a motion lacks a swing, in all angles at the end of the run or in some of them.

@@ -221,6 +221,20 @@ fn motors_that_stop_early_are_seen() {
     let trace = Trace::of(&truth, Way::Recorded, 4);
     let told = blind::speeds(&trace.angles_deg, SETTLING_S..75.0, None);
     assert!(told.is_err(), "{told:?}");
+    // The second motor stops, turns at half of its speed, or the other way.
+    for part in [0.0, 0.5, -1.0] {
+        let both = [52.4, -27.3];
+        let points =
+            [(0.0, [0.0; 2]), (0.5, both), (50.0, both), (50.5, [52.4, part * -27.3]), (76.0, [52.4, part * -27.3])];
+        let truth = Truth::by(&quick(), both, SpeedProfile::from_points(&points).unwrap());
+        for way in [Way::Recorded, Way::Imported(0.1)] {
+            let Label::Wrong(causes) = Trace::of(&truth, way, 5).label(both, SETTLING_S..75.0) else {
+                panic!("{way:?}, {part}")
+            };
+            let is_said = causes == [Cause::Stands(1)] || part != 0.0 && says(&causes, [52.4, part * -27.3], both);
+            assert!(is_said, "{way:?}, {part}: {causes:?}");
+        }
+    }
 }
 
 #[test]
