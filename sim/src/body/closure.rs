@@ -13,25 +13,23 @@
 //! M_z = (F1y - F2y) d/2 - C w_z
 //! ```
 //!
-//! The righting moment is written with its restoring sign. The table has the results of the three closures at the
-//! published points for the robot `published` (`cargo run --release -p sim --example closures`; both helices start at
-//! the same angle; yaw is the value at that time and not a mean over whole turns; rates are means and tilts ranges of
-//! the last minute of 240 s):
+//! The righting moment is written with its restoring sign. The table has the means at the end of runs of 120 and 240 s of the robot
+//! `published` without a preroll (`biflag simulate plan.toml --closure paper --json`; both helices start at the same angle):
 //!
-//! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
-//! | --- | --- | --- | --- | --- | --- | --- | --- |
-//! | (50, 10) | Full | -62.4 | -62.4 | -0.026 |  | 4.4 to 6.2 | true |
-//! | (50, 10) | Lumped | -63.3 | -63.3 | 0.000 |  | 3.4 to 3.4 | true |
-//! | (50, 10) | Paper | 31379.6 | 64244.2 | 80.203 | 80.204 | 1.0 to 154.9 | false |
-//! | (0, 45) | Full | -48.9 | -48.9 | -0.022 |  | 4.9 to 6.2 | true |
-//! | (0, 45) | Lumped | -48.4 | -48.4 | -0.000 |  | 3.9 to 3.9 | true |
-//! | (0, 45) | Paper | 28766.8 | 59180.5 | 61.698 | 61.697 | 3.2 to 142.4 | false |
-//! | (90, 90) | Full | -180.0 | -180.0 | -0.230 |  | 1.4 to 2.0 | true |
-//! | (90, 90) | Lumped | -180.0 | -180.0 | -0.000 |  | 0.0 to 0.0 | true |
-//! | (90, 90) | Paper | 34158.9 | 69798.2 | 143.281 | 143.282 | 2.4 to 177.7 | false |
-//! | (-90, 90) | Full | 32.8 | 32.8 | 0.128 |  | 16.9 to 20.8 | true |
-//! | (-90, 90) | Lumped | 35.1 | 35.1 | 0.000 |  | 16.8 to 16.8 | true |
-//! | (-90, 90) | Paper | 829.7 | 1660.0 | 6.113 | 6.113 | 26.8 to 47.8 | false |
+//! | speeds rpm | closure | yaw after 120 s | after 240 s, deg | tilt after 120 s | after 240 s, deg |
+//! | --- | --- | --- | --- | --- | --- |
+//! | (50, 10) | full | -63.5 | -63.5 | 5.3 | 5.3 |
+//! | (50, 10) | lumped | -63.7 | -63.7 | 3.4 | 3.4 |
+//! | (50, 10) | paper | 23896.5 | 61014.4 | 120.8 | 77.3 |
+//! | (0, 45) | full | -47.2 | -47.2 | 5.6 | 5.6 |
+//! | (0, 45) | lumped | -47.4 | -47.4 | 3.9 | 3.9 |
+//! | (0, 45) | paper | 34184.7 | 65615.4 | 73.9 | 40.6 |
+//! | (90, 90) | full | -180.0 | -180.0 | 0.0 | 0.0 |
+//! | (90, 90) | lumped | -180.0 | -180.0 | 0.0 | 0.0 |
+//! | (90, 90) | paper | 34180.5 | 69948.8 | 56.2 | 55.7 |
+//! | (-90, 90) | full | 31.7 | 31.7 | 18.7 | 18.8 |
+//! | (-90, 90) | lumped | 34.4 | 34.4 | 16.8 | 16.8 |
+//! | (-90, 90) | paper | 859.7 | 1719.8 | 34.4 | 34.3 |
 //!
 //! The printed equations have no steady state, for three reasons.
 //!
@@ -41,8 +39,8 @@
 //!   something else resists the yaw, such as the sensor's cable. `full` and `lumped` model it by one stiffness, the
 //!   only calibrated constant.
 //! - No term resists a *roll*. While the base spins about z_B, its tilt changes from pitch to roll and back, and no
-//!   moment acts on the roll. So the axis does not settle either: it tumbles, at three of the four points to nearly
-//!   upside down and back. (At these points the Euler yaw increases faster than the base rotates about z_B.)
+//!   moment acts on the roll. So the axis does not settle either: it tumbles. (Then the Euler yaw increases faster than the base
+//!   rotates about z_B.)
 //! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
 //!   are the reaction torques about the helix axes, the largest part of the yaw moment.
 //!

@@ -40,7 +40,8 @@ fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     (line.slope.abs() - 4.0 * variance.sqrt()).max(0.0)
 }
 
-fn line(angle: Track, over: &Range<f64>) -> Line {
+/// Returns the straight line through the readings of an angle.
+pub(super) fn line(angle: Track, over: &Range<f64>) -> Line {
     Line::through(
         angle
             .time_s

@@ -3,9 +3,10 @@
 use super::budget::{Budget, Evaluation, Term};
 use super::data::MOTORS;
 use super::fields::TRUTH;
+use super::import_rest;
 use super::over_time::OverTime;
 use crate::attitude::{Columns, Reading};
-use crate::statistics::student_95;
+use crate::statistics::{Line, student_95};
 use biflag_log::ImportMeta;
 use nalgebra::DMatrix;
 use sim::body::attitude::of_euler_zyx;
@@ -41,37 +42,45 @@ pub(super) fn readings(
     ((0..times.len()).map(reading).collect(), motors)
 }
 
-/// The errors that an import states for its angles: one per angle, constant over the whole trial.
+/// The errors that an import states for its angles: one per angle, constant over the whole trial; and those of its zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
     /// Standard uncertainty of yaw, pitch and roll, degrees; `None` for an angle that was not measured.
     u_deg: [Option<f64>; 3],
+    /// Standard uncertainty of each mean over the rest from the scatter of its readings, degrees, and their number less one.
+    zero: [(f64, f64); 3],
 }
 
 impl Stated {
-    /// Returns the stated errors of an import; `None` if it states none.
-    pub fn of(import: Option<&ImportMeta>) -> Option<Self> {
+    /// Returns the stated errors of an import; `None` if it states none. `rest`: where the angles are zero.
+    pub fn of(import: Option<&ImportMeta>, angles_deg: &Columns<3>, rest: &Range<f64>) -> Option<Self> {
         let import = import?;
         let [yaw, tilt] = [import.yaw_uncertainty_deg?, import.tilt_uncertainty_deg?];
         let is_measured = |name: &str| !import.constant.iter().any(|constant| constant == name);
         let u_deg = |name, uncertainty: f64| is_measured(name).then_some(uncertainty / student_95(f64::INFINITY));
-        Some(Self { u_deg: [u_deg("yaw", yaw), u_deg("pitch", tilt), u_deg("roll", tilt)] })
+        let zero = angles_deg.tracks().map(|track| {
+            let Line { squares, count, .. } = import_rest::line(track, rest);
+            ((squares / (count - 1.0).max(1.0) / count.max(1.0)).sqrt(), (count - 1.0).max(1.0))
+        });
+        Some(Self { u_deg: [u_deg("yaw", yaw), u_deg("pitch", tilt), u_deg("roll", tilt)], zero })
     }
 
     /// Returns the cause of uncertainty of yaw, pitch or roll; `None` if it was not measured.
     pub fn budget(&self, angle: usize) -> Option<Budget> {
         let of_trial = Term::of_trial(INSTRUMENT, self.u_deg[angle]?, f64::INFINITY);
-        Some(Budget::new([Term { evaluation: Evaluation::B, ..of_trial }]))
+        let (u_deg, freedom) = self.zero[angle];
+        let zero = Term::of_trial("noise of the zero", u_deg, freedom);
+        Some(Budget::new([Term { evaluation: Evaluation::B, ..of_trial }, zero]))
     }
 
     /// Returns the uncertainty at a number of times; `None` for an angle that was not measured. The import does not state
     /// whether the error is common to all times or differs between them, so both are included.
     pub fn over_time(&self, times: usize) -> [Option<OverTime>; 3] {
-        let of = |u_deg: f64| {
-            let own = DMatrix::from_element(times, times, powi(u_deg, 2))
+        let of = |(u_deg, zero): (f64, (f64, f64))| {
+            let own = DMatrix::from_element(times, times, powi(u_deg, 2) + powi(zero.0, 2))
                 + DMatrix::from_diagonal_element(times, times, powi(u_deg, 2));
             OverTime { own, ..OverTime::exact(times) }
         };
-        self.u_deg.map(|u_deg| u_deg.map(of))
+        [0, 1, 2].map(|k| Some(of((self.u_deg[k]?, self.zero[k]))))
     }
 }

@@ -150,14 +150,14 @@ impl Zeroed {
             series.push(*time, &Reading { attitude: [q.w, q.i, q.j, q.k], ..*reading });
         }
         let from_s = if zero.is_some() { 0.5 * (still.start + still.end) } else { run.start };
-        let yaw_zero = if zero.is_some() { series.yaw().mean(still) } else { series.yaw().at(run.start) };
+        let yaw_zero = if zero.is_some() { series.yaw().mean(still.clone()) } else { series.yaw().at(run.start) };
         let yaw_zero = yaw_zero.unwrap_or(yaw_deg);
         let turned_deg = series.turned_deg();
         let mut angles_deg = series.angles_deg;
         let motion = import_rest::moved(angles_deg.tracks(), &data.times.preroll);
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         // Without a rest before the run, the error of the zero is unknown, and the stated errors do not contain it.
-        let stated = Stated::of(data.records.import.as_ref()).filter(|_| zero.is_some());
+        let stated = Stated::of(data.records.import.as_ref(), &angles_deg, &still).filter(|_| zero.is_some());
         let not_back = |_| {
             let constants = time_constants(data);
             let angles = [0, 1, 2].map(|k| {

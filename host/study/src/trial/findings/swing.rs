@@ -212,8 +212,9 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
         let causes: Vec<&str> = frames.into_iter().filter(|(_, is_likely)| *is_likely).map(|(name, _)| name).collect();
         return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
     }
-    // A turn of the frame changes the shares of pitch and roll, but not the yaw's.
-    let (angle, factor) = scaled.filter(|(angle, _)| *angle == 0 && turned_deg.is_none() || is_upright)?;
+    // A turn of the frame changes the shares of pitch and roll, but not the yaw's, and none becomes small alone.
+    let is_scale = |(angle, factor): &(usize, f64)| *angle == 0 && turned_deg.is_none() || *factor < 0.5 || is_upright;
+    let (angle, factor) = scaled.filter(is_scale)?;
     let angle = ["yaw", "pitch", "roll"][angle];
     Some(format!(
         "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale, or as if {OTHER_ROBOT}"
