@@ -22,7 +22,7 @@ pub trait Outbox {
     fn add(&mut self, bytes: &[u8]);
 }
 
-/// The board's end of the link.
+/// The board's end of the link, without a stream at first.
 #[derive(Default)]
 pub struct Link {
     accumulator: Accumulator,
@@ -69,20 +69,6 @@ impl From<Result<(), Refusal>> for Answer {
 }
 
 impl Link {
-    /// Returns a link without a stream.
-    pub const fn new() -> Self {
-        Self {
-            accumulator: Accumulator::new(),
-            heard: Micros(0),
-            bad_frames: 0,
-            last: None,
-            interval: 0,
-            ticks_to_frame: 0,
-            seq: 0,
-            unsent: 0,
-        }
-    }
-
     /// Returns the buffer of a frame, for use before the host's first byte.
     pub fn accumulator(&mut self) -> &mut Accumulator {
         &mut self.accumulator

@@ -142,7 +142,7 @@ where
             control: Default::default(),
             guards: Default::default(),
             motors,
-            link: Link::new(),
+            link: Link::default(),
             store: Store::new(storage),
             latch: Latch::default(),
             schedule: Schedule::default(),

@@ -146,7 +146,7 @@ impl Outbox for Room {
 
 #[test]
 fn a_request_needs_room_for_its_answer() {
-    let link = Link::new();
+    let link = Link::default();
     // An answer has the same length whatever it says. The longest of a group stands for all of it.
     let length = |reply| encode(&Message::Reply { to: 255, reply }, &mut [0; MAX_FRAME]).unwrap().len() as u8;
     let group = [
@@ -172,7 +172,7 @@ fn a_request_needs_room_for_its_answer() {
 
 #[test]
 fn the_host_is_silent_after_the_deadline_and_not_at_it() {
-    let mut link = Link::new();
+    let mut link = Link::default();
     let mut frame = [0; MAX_FRAME];
     for byte in encode(&[200u8; 9], &mut frame).unwrap() {
         link.receive(*byte, Micros(u32::MAX - 99));
