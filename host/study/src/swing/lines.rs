@@ -55,11 +55,13 @@ impl<'a> Fitter<'a> {
             .with_squares()
     }
 
-    /// Returns the root mean square of the swing about each axis, °/s; `None` where noise is as large.
-    pub fn axes_dps(&self) -> Option<[f64; 3]> {
+    /// Returns the root mean square of the swing about each axis, °/s, and whether it is more than noise; if not, its bound.
+    pub fn axes_dps(&self) -> [(f64, bool); 3] {
         let count = self.motion.t.len() as f64;
-        let is_clear = self.square.iter().all(|square| *square > 2.0 * self.noise);
-        is_clear.then(|| self.square.map(|square| ((square - self.noise) / count).sqrt()))
+        self.square.map(|square| {
+            let swing = square - self.noise;
+            ((swing.max(self.noise) / count).sqrt(), swing > self.noise)
+        })
     }
 
     /// Returns the root mean square of the swing: in the plane, and about z, °/s.

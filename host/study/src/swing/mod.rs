@@ -421,13 +421,15 @@ pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
     let swing = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
         let has_mean = !is_near(trial.rpm.map(f64::abs), motion.length_s / BEATS);
-        Fitter::new(&motion).axes_dps().filter(|_| has_mean)
+        has_mean.then(|| Fitter::new(&motion).axes_dps())
     };
     let (one, other) = (swing(one)?, swing(other)?);
-    let [roll, pitch, yaw] = [0, 1, 2].map(|k| ln(other[k] / one[k]));
-    let of = |k: usize, own: f64, [a, b]: [f64; 2]| {
-        let by = own - (a + b) / 2.0;
-        (by.abs() > ln(SCALED) && (a - b).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
+    let [roll, pitch, yaw] = [0, 1, 2].map(|k| (ln(other[k].0 / one[k].0), other[k].1));
+    let of = |k: usize, own: (f64, bool), [a, b]: [(f64, bool); 2]| {
+        let by = own.0 - (a.0 + b.0) / 2.0;
+        // An angle whose swing noise hides may only have less.
+        let is_clear = a.1 && b.1 && (own.1 || by < 0.0);
+        (is_clear && by.abs() > ln(SCALED) && (a.0 - b.0).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
     };
     of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]))
 }
