@@ -60,7 +60,9 @@ fn a_camera_agrees_with_the_trial_that_it_saw() {
     let (start, end) = (number(&said["run_start_s"]), number(&said["run_end_s"]));
     assert!((start - 45.0).abs() < 0.11 && (end - 76.0).abs() < 0.4, "{said}");
     assert!((number(&said["w1_rpm"]) + 37.3).abs() < 0.02 && (number(&said["w2_rpm"]) + 12.9).abs() < 0.02, "{said}");
-    assert_eq!((&said["yaw_uncertainty_deg"], &said["origin"]), (&0.3.into(), &"import".into()), "{said}");
+    // 0.3 are stated; the zero has the camera's noise.
+    let yaw_u_deg = number(&said["yaw_uncertainty_deg"]);
+    assert!((0.301..0.31).contains(&yaw_u_deg) && said["origin"] == "import", "{said}");
     // Without --columns it asks for them, and without -o the log has the name of the table.
     let asked = biflag(folder, &["import", "camera.csv"]);
     let (said_of_it, stderr) = (code(&asked), String::from_utf8_lossy(&asked.stderr).into_owned());

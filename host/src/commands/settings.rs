@@ -138,7 +138,7 @@ pub(super) fn need_encoders(settings: &Settings) -> miette::Result<()> {
     match settings.speed_from {
         SpeedFrom::Encoders => Ok(()),
         SpeedFrom::Duty => Err(miette::miette!(
-            help = "without them only constant speeds can be recorded, from any angles; if the motors have some, write speed_from = \
+            help = "without them only constant speeds can be recorded, from any angles; if they have encoders, write speed_from = \
                     \"encoders\" with `biflag settings --write`",
             "the motors of this board have no encoders (speed_from = \"duty\")"
         )),

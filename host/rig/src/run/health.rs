@@ -58,7 +58,7 @@ impl Health {
         let mut warnings = Vec::new();
         if self.clipped > 0 {
             warnings.push(format!(
-                "{} readings were at the end of the sensor's range: give a wider gyro_range or accel_range in the plan",
+                "{} readings were at the end of the sensor's range: give a wider gyro_range_dps or accel_range_g in the plan",
                 self.clipped
             ));
         }

@@ -42,7 +42,7 @@ pub fn table(trial: &Judged) -> Table {
     let rows = Rows(&list);
     let mut columns = vec![
         rows.real("time_s", "time from the start of the run, s", |row| row.time_s - run_s),
-        rows.text("phase", "calibrate, preroll, run, decay or end", |row| phase(data, row.frame_s).to_owned()),
+        rows.text("phase", "wait, calibrate, preroll, run, decay or end", |row| phase(data, row.frame_s).to_owned()),
     ];
     for (k, (name, about)) in ANGLES.into_iter().enumerate() {
         columns.push(rows.real(name, about, |row| row.angles_deg.map(|angles| angles[k])));

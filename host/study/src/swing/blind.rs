@@ -209,12 +209,12 @@ pub(super) fn speeds(
     if fit.leaves_much() || if both_wrap { uncertainty } else { scatter }.iter().any(|rpm| *rpm > MOST_RPM) {
         return Err(TOUCH);
     }
-    let [one, other] = fit.hz.map(|f| f.abs() * motion.length_s);
+    let [one, other] = [0, 1].map(|k| (fit.hz[k] * rates[k]).abs() * motion.length_s);
     if near.is_some() && one.min(other) > 0.0 && (one - other).abs() < NEAR_TURNS {
-        // The line of a motor whose speed wanders looks like two, and two lines within a turn pull each other.
+        // The line of a motor whose speed wanders looks like two, and the lines of two that are one pull each other.
         let (_, alone) = grown([fit.hz[0], 0.0]).ok_or(TOUCH)?;
         let [both, alone] = [&fit, &alone].map(|fit| fit.left[0] + fit.left[1]);
-        if (one - other).abs() < 1.0 || alone < LEAST_LEFT_OF_ONE || both > alone / BETTER_THAN_ONE {
+        if (one - other).abs() < SAME_TURNS || alone < LEAST_LEFT_OF_ONE || both > alone / BETTER_THAN_ONE {
             return Err(ONE_OR_NEAR);
         }
     }
