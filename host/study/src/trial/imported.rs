@@ -47,7 +47,8 @@ pub(super) fn readings(
 pub(super) struct Stated {
     /// Standard uncertainty of yaw, pitch and roll, degrees; `None` for an angle that was not measured.
     u_deg: [Option<f64>; 3],
-    /// Standard uncertainty of each mean over the rest from the scatter of its readings, degrees, and their number less one.
+    /// Standard uncertainty of each mean over the rest from the scatter of its readings about a line, degrees, and its degrees
+    /// of freedom.
     zero: [(f64, f64); 3],
 }
 
@@ -60,7 +61,9 @@ impl Stated {
         let u_deg = |name, uncertainty: f64| is_measured(name).then_some(uncertainty / student_95(f64::INFINITY));
         let zero = angles_deg.tracks().map(|track| {
             let Line { squares, count, .. } = import_rest::line(track, rest);
-            ((squares / (count - 1.0).max(1.0) / count.max(1.0)).sqrt(), (count - 1.0).max(1.0))
+            let freedom = (count - 2.0).max(1.0);
+            // Not a number where all readings have one time.
+            ((squares / freedom / count).max(0.0).sqrt(), freedom)
         });
         Some(Self { u_deg: [u_deg("yaw", yaw), u_deg("pitch", tilt), u_deg("roll", tilt)], zero })
     }
