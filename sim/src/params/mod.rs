@@ -271,7 +271,7 @@ impl Fluid {
 pub struct Joint {
     /// Tether stiffness K of the energy K tau^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
     /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s: the mean over starting phases for
-    /// `physical` (5.006e-4; `cargo run --release -p sim --example tether -- physical 8`), the value with equal
+    /// `physical` (5.006e-4; `biflag simulate host/plans/tether.toml` prints -180.01), the value with equal
     /// starting phases for `published` (3.599e-4). Nothing else is fitted. With zero, the robot never stops spinning.
     pub tether_full_nm_per_rad: f64,
     /// The same for the `lumped` closure (`physical`: 5.100e-4, `published`: 3.645e-4).
