@@ -24,7 +24,7 @@ use crate::session::{self, MANIFEST, Session, Sharing, TrialState};
 use crate::signals::interruption;
 use biflag_log::Origin;
 use protocol::units::CentiRpm;
-use protocol::{Command, SpeedFrom};
+use protocol::{Command, Settings, SpeedFrom};
 use recorded::Recorded;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -116,12 +116,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
     let interrupted_early = || Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted");
-    let Connected { link, mut player, robot, notes } = match connect(args, &mut plan, &interrupted) {
+    let Connected { link, settings, mut player, robot, notes } = match connect(args, &mut plan, &interrupted) {
         Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => return interrupted_early(),
         connected => connected?,
     };
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
-    let settings = settings::read(&link)?;
     let board = board::to_log(link.info(), &settings);
     let sensor = robot.as_ref().map(|robot| &robot.sensor);
     let open = || -> miette::Result<_> {
@@ -134,7 +133,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let known = folder.join(MANIFEST).exists().then(&open).transpose()?;
     let is_done = |states: &[TrialState]| states.iter().all(|state| state.complete().is_some());
     let is_done = known.as_ref().is_some_and(|(_, _, states, _)| is_done(states));
-    let lines = match if is_done { Ok(None) } else { lines(args, &plan, &link, &interrupted) } {
+    let lines = match if is_done { Ok(None) } else { lines(args, &plan, (&link, settings), &interrupted) } {
         Err(RecordError::Interrupted) => return interrupted_early(),
         lines => lines?,
     };
@@ -185,6 +184,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 /// A board that is ready for the trials of a plan.
 struct Connected {
     link: Link,
+    settings: Settings,
     player: Option<VirtualNano>,
     robot: Option<SimulatedRobot>,
     notes: Vec<String>,
@@ -214,12 +214,16 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
         park::known(&link)?;
     }
     let notes = note_of_copy.into_iter().chain(note_of_sensor).collect();
-    Ok(Connected { link, player, robot, notes })
+    Ok(Connected { link, settings, player, robot, notes })
 }
 
 /// Returns the lines of motors without encoders. The lines of an emulated board are not stored, so they are measured.
-fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Result<Option<Lines>, RecordError> {
-    let settings = settings::read(link)?;
+fn lines(
+    args: &Args,
+    plan: &Plan,
+    (link, settings): (&Link, Settings),
+    interrupted: &AtomicBool,
+) -> Result<Option<Lines>, RecordError> {
     if settings.speed_from == SpeedFrom::Encoders {
         return Ok(None);
     }

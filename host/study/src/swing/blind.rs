@@ -30,7 +30,7 @@ const STEPS: usize = 4;
 /// Reason for unknown speeds if nothing turns.
 pub const NO_LINE: &str = "no line of a motor is seen";
 const ONE_OR_NEAR: &str = "one motor turns, or both at nearly one speed";
-const TOUCH: &str = "the flagella touch, or the motion does not repeat";
+pub(super) const TOUCH: &str = "the flagella touch, or the motion does not repeat";
 
 /// Number of strongest lines that may be a motor's.
 const LINES: usize = 8;

@@ -4,28 +4,31 @@
 //! phase of the line about z, relative to the one in the plane, distinguishes the motors. [`SwingSpeeds`] are estimated from the
 //! motion alone. [`label`] tests whether the speeds of a label explain it better than the speeds of any usual mistake.
 
+mod beside;
 mod blind;
 mod causes;
 mod fit;
+mod labelled;
 mod lines;
 mod motion;
 mod score;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub use beside::{LEAN_DEG, leans_deg, other_sides, scaled, turned_deg};
 pub use blind::{NO_LINE, SwingSpeeds, speed_alone};
+use blind::{PART_S, TOUCH};
 pub use causes::Cause;
+pub use labelled::Labelled;
 
-use crate::attitude::{Columns, wrapped};
 use causes::{FASTEST_RPM, SLOWEST_RPM};
-use fit::{Complex, Fit, angle_deg, size};
-use lines::{FASTEST_HZ, Fitter, MIXED};
+use fit::{Fit, size};
+use lines::{FASTEST_HZ, Fitter};
 pub use motion::PIECE_S;
 use motion::{Motion, TOO_FEW};
 pub use score::in_plane_dps;
-use score::{beside_the_other, least_dps, off_deg, score};
-use sim::functions::{exp, hypot, ln};
-use std::ops::Range;
+use score::{least_dps, score};
+use sim::functions::hypot;
 
 /// A cause is named if its score exceeds the label's by more than this.
 const MARGIN: f64 = 10.0;
@@ -45,14 +48,8 @@ const SLOWEST_ALONE_RPM: f64 = 12.0;
 /// the least swing.
 const ONE_SWING: f64 = 0.5;
 
-/// Ratio of a motor's usual swing to the other motor's, below which no cause about this motor alone is named.
-const HIDDEN: f64 = 0.075;
-
 /// Relative 95 % uncertainty of the mean speed of a motor without encoder, because the speed wanders.
 pub const WANDER: f64 = 0.005;
-
-/// Largest relative error of a label from a board's encoders.
-const WELL_KNOWN: f64 = 0.02;
 
 /// Number of strongest lines that are searched for a shaking.
 const SHAKING: usize = 5;
@@ -66,26 +63,11 @@ const MOST_LEFT: f64 = 0.35;
 /// A label that leaves a larger share unexplained is wrong, whatever the cause.
 const LOST: f64 = 0.75;
 
+/// Relative error of a label above which even a right one may leave most of the motion of flagella that touch.
+const ROUGH: f64 = 0.1;
+
 /// Largest share that a clear fit leaves unexplained. Nearly equal speeds need a clear fit.
 const NEAR_LEFT: f64 = 0.15;
-
-/// Largest difference of two motors' estimates of the turn of a frame that agree, degrees.
-const AGREED_DEG: f64 = 30.0;
-
-/// Least mean tilt whose direction is judged, degrees: phases of the flagella tilt a robot by two.
-pub const LEAN_DEG: f64 = 3.0;
-
-/// Number of beats of both motors that a mean swing needs.
-const BEATS: f64 = 2.0;
-
-/// A side (forwards or backwards) lacks a motor if its power relative to the other side is less than the model's by this factor.
-const SIDED: f64 = 8.0;
-
-/// Least share of the power on a side to which a motor turns.
-const LEAST_SIDE: f64 = 0.25;
-
-/// A swing that is larger or smaller than another by this factor has another scale.
-const SCALED: f64 = 1.5;
 
 /// Causes whose scores differ by less than this are named together.
 const ALIKE: f64 = 8.0;
@@ -98,98 +80,6 @@ const STOPPED: f64 = 0.4;
 
 /// Noise of the angles, averaged over a tenth of a second, above which causes about one motor are not judged, degrees.
 const NOISY_DEG: f64 = 0.3;
-
-/// A trial whose label, its stated speeds, is tested.
-#[derive(Clone, Debug)]
-pub struct Labelled<'a> {
-    /// Yaw, pitch and roll.
-    pub angles_deg: &'a Columns<3>,
-    /// From the settling of the motion to the end of the run, on the clock of the angles, s.
-    pub settled_s: Range<f64>,
-    /// Speeds of motors 1 and 2 as labelled, rpm.
-    pub rpm: [f64; 2],
-    /// Largest error of a right label: a share of the speed, plus rpm.
-    pub off: (f64, f64),
-    /// Whether flagella that turn at these speeds touch.
-    pub touches: bool,
-    /// Speeds estimated from the motion alone, rpm.
-    pub told_rpm: Option<[f64; 2]>,
-    /// Whether only the yaw was measured.
-    pub has_yaw_alone: bool,
-}
-
-impl Labelled<'_> {
-    fn fastest_rpm(&self) -> f64 {
-        self.rpm[0].abs().max(self.rpm[1].abs())
-    }
-
-    /// Returns whether both motors may be equally fast, within the error of the label.
-    fn may_be_alike(&self) -> bool {
-        let apart_rpm = (self.rpm[0].abs() - self.rpm[1].abs()).abs();
-        apart_rpm < 3.0 * (self.off.0 * self.fastest_rpm() + self.off.1)
-    }
-
-    /// Returns whether the speeds do not distinguish the motors.
-    pub fn is_vague(&self) -> bool {
-        self.may_be_alike() && self.off.0 > WELL_KNOWN
-    }
-
-    /// Returns whether a cause is within the error of a right label.
-    fn allows(&self, cause: Cause) -> bool {
-        match cause {
-            Cause::Factor { motors, factor } => {
-                let fastest = (0..2).filter(|&k| motors[k]).map(|k| self.rpm[k].abs()).fold(0.0, f64::max);
-                (factor - 1.0).abs() < self.off.0 + self.off.1 / fastest
-            }
-            Cause::Other(rpm) => (0..2).all(|k| self.is_near(rpm, k)),
-            _ => false,
-        }
-    }
-
-    /// Returns the largest error of a right label in a motor's speed, rpm.
-    pub fn error_rpm(&self, k: usize) -> f64 {
-        self.off.0 * self.rpm[k].abs() + self.off.1
-    }
-
-    /// Returns whether a motor's speed is within the error of a right label.
-    fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
-        (rpm[k] - self.rpm[k]).abs() <= self.error_rpm(k)
-    }
-
-    /// Returns the size of the mean tilt, degrees.
-    pub fn leans_by_deg(&self) -> Option<f64> {
-        self.lean_deg().map(size)
-    }
-
-    /// Returns the mean pitch and roll.
-    fn lean_deg(&self) -> Option<Complex> {
-        let [_, pitch, roll] = self.angles_deg.tracks().map(|track| track.mean(self.settled_s.clone()));
-        Some(Complex::new(pitch?, roll?))
-    }
-
-    /// Returns whether speeds agree with the label, within its error.
-    fn is_of(&self, rpm: [f64; 2]) -> bool {
-        (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
-    }
-
-    /// Returns whether the line of a motor that turns otherwise is a sum or a difference of the label's lines.
-    fn mixes(&self, rpm: [f64; 2], length_s: f64) -> bool {
-        let mut mixed = MIXED
-            .iter()
-            .filter(|of| !of.contains(&0))
-            .map(|[a, b]| f64::from(*a) * self.rpm[0] + f64::from(*b) * self.rpm[1]);
-        let are_one = |line_rpm: f64, k: usize| (line_rpm.abs() - rpm[k].abs()).abs() / 60.0 * length_s < 1.0;
-        mixed.any(|line_rpm| (0..2).any(|k| !self.is_near(rpm, k) && are_one(line_rpm, k)))
-    }
-
-    /// Returns whether speeds differ from the label's in one motor alone, whose swing the other motor hides.
-    fn hides(&self, rpm: [f64; 2]) -> bool {
-        let is_same = |k: usize| self.is_near(rpm, k);
-        (0..2).any(|k| {
-            !is_same(k) && is_same(1 - k) && [self.rpm, rpm].into_iter().all(|rpm| beside_the_other(rpm, k) < HIDDEN)
-        })
-    }
-}
 
 /// The angles that lack a swing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -279,6 +169,7 @@ pub fn label(trial: &Labelled) -> Label {
         }
         [] if !is_lost || doubts.is_noisy || trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm)) => Label::Right,
         [] if trial.rpm.into_iter().all(is_own) => Label::Right,
+        [] if trial.touches && trial.off.0 > ROUGH => Label::NotJudged(TOUCH),
         [] => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
         _ => Label::Wrong(said(&better)),
     }
@@ -287,8 +178,8 @@ pub fn label(trial: &Labelled) -> Label {
 /// Returns the causes if a motor hardly swings the end of a motion, of which the steady angles are, though it swings the whole.
 fn otherwise_at_the_end(trial: &Labelled, own: &Fit, found: &[f64], doubts: &Doubts) -> Option<Vec<Cause>> {
     let end_s = trial.settled_s.end;
-    let end = Labelled { settled_s: end_s - blind::PART_S..end_s, told_rpm: None, ..trial.clone() };
-    if trial.touches || doubts.is_noisy || trial.may_be_alike() || doubts.length_s < 1.5 * blind::PART_S {
+    let end = Labelled { settled_s: end_s - PART_S..end_s, told_rpm: None, ..trial.clone() };
+    if trial.touches || doubts.is_noisy || trial.may_be_alike() || doubts.length_s < 1.5 * PART_S {
         return None;
     }
     let motion = Motion::of(end.angles_deg, end.settled_s.clone())?;
@@ -310,7 +201,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     let least = least_dps(trial.fastest_rpm().min(FASTEST_RPM));
     let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
     let end_s = trial.settled_s.end;
-    let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
+    let at_the_end = Motion::of(trial.angles_deg, (end_s - PART_S).max(trial.settled_s.start)..end_s);
     let at_the_end = at_the_end.map_or(fitter.largest_swing_dps(), |motion| Fitter::new(&motion).largest_swing_dps());
     match hardly_swings(at_the_end, 1.0) {
         [_, true] if trial.has_yaw_alone && !trial.may_be_alike() => return Some(Label::HardlySwings(Swing::Yaw)),
@@ -355,83 +246,6 @@ impl SwingSpeeds {
         self.measured_w2_uncertainty_rpm = widened(self.measured_w2_rpm, self.measured_w2_uncertainty_rpm);
         self
     }
-}
-
-/// Returns the angle by which the body's x and y axes are turned about its z axis between two motions of one robot, degrees;
-/// `None` if the motors disagree, or their lines overlap.
-pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
-    let off = |trial: &Labelled| {
-        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
-        let (_, fit) = Readings { fitter: &Fitter::new(&motion), trial }.at(trial.rpm, 3)?;
-        let is_told = |k: usize| trial.rpm[k].abs() >= SLOWEST_RPM;
-        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
-        let lines = [0, 1].map(|k| fit.motor(k).filter(|_| is_told(k) && is_clear).map(|line| off_deg(line, k)));
-        (0..2).all(|k| lines[k].is_some() == is_told(k)).then_some(lines)
-    };
-    let (one, other) = (off(one)?, off(other)?);
-    let turned = [0, 1].map(|k| Some(wrapped(other[k]? - one[k]?)));
-    match turned {
-        [Some(a), Some(b)] => (wrapped(b - a).abs() < AGREED_DEG).then(|| wrapped(a + wrapped(b - a) / 2.0)),
-        [Some(a), None] | [None, Some(a)] => Some(a),
-        [None, None] => None,
-    }
-}
-
-/// Returns the angle by which the mean tilt is turned about the vertical between two motions of one robot, degrees; `None` if one
-/// hardly tilts.
-pub fn leans_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
-    let [one, other] = [one.lean_deg()?, other.lean_deg()?];
-    (size(one).min(size(other)) > LEAN_DEG).then(|| angle_deg(other, one))
-}
-
-/// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it
-/// lacks none, or if the motion does not show it. Only their senses distinguish motors of nearly equal speeds.
-pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
-    let motion = Motion::of(own.angles_deg, own.settled_s.clone())?;
-    let doubts = Doubts::of(own, &motion);
-    if doubts.is_noisy || own.rpm.iter().any(|rpm| rpm.abs() < SLOWEST_RPM) {
-        return None;
-    }
-    let sides = |motion: &Motion| {
-        let reach_rpm = own.fastest_rpm() * own.off.0 + own.off.1;
-        let slowest_rpm = own.rpm[0].abs().min(own.rpm[1].abs());
-        Fitter::new(motion).sides((slowest_rpm - reach_rpm) / 60.0..(own.fastest_rpm() + reach_rpm) / 60.0)
-    };
-    let expected = sides(&Motion::of(model.angles_deg, model.settled_s.clone())?);
-    let turned = sides(&motion);
-    let falls_short = |side: usize| turned[side] * expected[1 - side] * SIDED < expected[side] * turned[1 - side];
-    let weak = (0..2).find(|&side| falls_short(side))?;
-    let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
-    let motors: Vec<usize> = (0..2).filter(|&k| (own.rpm[k] > 0.0) == (weak == 0)).collect();
-    match motors[..] {
-        [k] => Some(vec![Cause::Stands(k), of_one(k)]),
-        // Two motors of one sense whose lines fall together may swing against each other.
-        [one, other]
-            if !is_near(own.rpm, motion.length_s) && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) =>
-        {
-            Some(vec![of_one(one), of_one(other)])
-        }
-        _ => None,
-    }
-}
-
-/// Returns the angle (0 to 2: yaw, pitch, roll) whose swing, relative to the other angles, has another size in a second motion of
-/// one robot, and the ratio; `None` if none has, or if noise or a beat of both motors hides it.
-pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
-    let swing = |trial: &Labelled| {
-        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
-        let has_mean = !is_near(trial.rpm.map(f64::abs), motion.length_s / BEATS);
-        has_mean.then(|| Fitter::new(&motion).axes_dps())
-    };
-    let (one, other) = (swing(one)?, swing(other)?);
-    let [roll, pitch, yaw] = [0, 1, 2].map(|k| (ln(other[k].0 / one[k].0), other[k].1));
-    let of = |k: usize, own: (f64, bool), [a, b]: [(f64, bool); 2]| {
-        let by = own.0 - (a.0 + b.0) / 2.0;
-        // An angle whose swing noise hides may only have less.
-        let is_clear = a.1 && b.1 && (own.1 || by < 0.0);
-        (is_clear && by.abs() > ln(SCALED) && (a.0 - b.0).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
-    };
-    of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]))
 }
 
 /// Returns a cause with the factor as measured.

@@ -3,11 +3,13 @@
 mod shares;
 
 use super::*;
+use crate::attitude::Columns;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 pub(crate) const RATE_HZ: f64 = 20.0;
 const SETTLING_S: f64 = 15.0;
