@@ -41,14 +41,16 @@ impl Run {
     ) -> Result<Self, ImportError> {
         let wrong = |reason: &str, help| ImportError::table(table, reason, help);
         let rows = &states.rows;
-        let (first, last) = (rows[0].time_s, rows[rows.len() - 1].time_s);
+        let (first, before, last) = (rows[0].time_s, rows[rows.len() - 2].time_s, rows[rows.len() - 1].time_s);
         if let Some(run) = &run
-            && (run.start < first || run.end > last || run.end <= run.start)
+            // A last row may be rounded, or lack the interval that it begins.
+            && (run.start < first || run.end > last + (last - before) || run.end <= run.start)
         {
             let reason =
-                format!("the table lasts from {first} to {last} s, and the run from {} to {} s", run.start, run.end);
+                format!("the table lasts from {first} to {last} s, the run from {} to {} s", run.start, run.end);
             return Err(wrong(&reason, "name a run within the table with --run"));
         }
+        let run = run.map(|run| run.start..run.end.min(last));
         let is_measured = rows[0].turns.is_some() || rows[0].speed_rpm.is_some();
         let (run, turns) = if is_measured {
             let turns = measured_turns(rows);

@@ -90,7 +90,7 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     );
     let angles = zeroed.angles().unwrap();
     assert_eq!((angles.yaw_uncertainty_deg, angles.drift_deg), (Some(0.5), None));
-    let measured = COLUMNS.replace("roll=0", "roll=#3");
+    let measured = COLUMNS.replace("roll=0", "roll=-#3");
     let (_, whole) = imported(&measured, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
     assert!((Judged::of(whole.clone()).angles.angles().unwrap().roll_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
     let texts: Vec<_> =
@@ -273,6 +273,11 @@ fn what_cannot_be_imported_is_said() {
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,1,0,0", "1,0,359,359.9,0"]), "angles from 0 to 360 are folded"),
         ("time=t,yaw=y,pitch=p,roll=r,turns1=n,turns2=0", rows(&["0,0,0,0,9.9", "0.1,0,0,0,0.1"]), "turns1 goes from"),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "1,,0,0,0"]), "has 1 rows"),
+        (
+            "time=t,yaw=y,pitch=p,roll=p",
+            rows(&["0,0,1,0,0", "1,0,2,0,0"]),
+            "two of its angles are the same in all rows",
+        ),
         ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "9,0,0,0,0"]), "speeds of the motors are not known"),
         ("time=t,yaw=y,pitch=p,roll=r,w1=n,w2=n", rows(&["0,0,0,0,0", "9,0,0,0,0"]), "its motors never turn"),
         ("time=t,qw=y,qx=p,qy=r,qz=n", rows(&["0,0.5,0,0,0", "9,1,0,0,0"]), "a quaternion of length 0.500"),

@@ -86,7 +86,8 @@ pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
 }
 
 /// Returns the angle (0 to 2: yaw, pitch, roll) whose swing, relative to the other angles, has another size in a second motion of
-/// one robot, and the ratio; `None` if none has, or if noise or a beat of both motors hides it.
+/// one robot, and the ratio; or 3 and the ratio of the swing of all angles; `None` if none has, or if noise or a beat of both motors
+/// hides it.
 pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
     let swing = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
@@ -101,5 +102,8 @@ pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
         let is_clear = a.1 && b.1 && (own.1 || by < 0.0);
         (is_clear && by.abs() > ln(SCALED) && (a.0 - b.0).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
     };
-    of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]))
+    let of_all = (yaw.0 + pitch.0 + roll.0) / 3.0;
+    let all = ([yaw, pitch, roll].iter().all(|of| of.1) && of_all.abs() > ln(SCALED)).then(|| (3, exp(of_all)));
+    let of_one = of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]));
+    of_one.or(all)
 }

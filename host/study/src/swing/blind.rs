@@ -60,9 +60,17 @@ const BETTER_THAN_ONE: f64 = 4.0;
 /// flagellum.
 const MOST_LEFT_OPPOSITE: f64 = 0.015;
 
+/// Largest difference of a speed from its mean in a part of the motion, relative to it: the phase of a line jumps where its motor
+/// stops.
+const UNSTEADY: f64 = 0.12;
+
 /// Least swing in the plane of a motor, relative to the usual one; and the same at opposite equal speeds.
 const LEAST_LINE: f64 = 0.2;
 const LEAST_OPPOSITE: f64 = 0.33;
+
+/// Largest swing in the plane at opposite equal speeds, relative to the usual one: beside a flagellum that stands, a fast one that
+/// wraps bends far, and also swings the base as if the other turned.
+const MOST_OPPOSITE: f64 = 1.9;
 
 /// Ratio of a motor's usual swing to the other motor's, below which its sense is not estimated.
 const HIDDEN: f64 = 0.06;
@@ -219,13 +227,19 @@ pub(super) fn speeds(
         }
     }
     let [one, two] = [0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, uncertainty[k]));
+    let over_time = fitter.speeds_rpm(&fit, settled_s.end);
+    let is_unsteady =
+        |(mean, all): ((f64, f64), &Vec<f64>)| all.iter().any(|rpm| (rpm / mean.0 - 1.0).abs() > UNSTEADY);
+    if [one, two].into_iter().zip(&over_time.values).any(is_unsteady) {
+        return Err("a motor stops, or changes its speed");
+    }
     Ok(SwingSpeeds {
         measured_w1_rpm: Some(one.0),
         measured_w1_uncertainty_rpm: Some(one.1),
         measured_w2_rpm: Some(two.0),
         measured_w2_uncertainty_rpm: Some(two.1),
         not_measured: None,
-        over_time: fitter.speeds_rpm(&fit, settled_s.end),
+        over_time,
     })
 }
 
@@ -329,9 +343,10 @@ fn doubt(fit: &Fit, score: f64, length_s: f64, is_labelled: bool) -> Option<&'st
             agreement(fit) > LEAST_AGREEMENT
         }
         [Some(line), None] if (one + other).abs() < 1.0 => {
-            let least = LEAST_OPPOSITE * in_plane_dps(fit.hz[0].abs() * 60.0);
+            let usual = LEAST_OPPOSITE..MOST_OPPOSITE;
+            let is_usual = |swing| usual.contains(&(size(swing) / in_plane_dps(fit.hz[0].abs() * 60.0)));
             if fit.left.iter().any(|left| *left > MOST_LEFT_OPPOSITE)
-                || size(line.turns).min(size(line.opposite)) < least
+                || ![line.turns, line.opposite].into_iter().all(is_usual)
             {
                 return Some(ONE_OR_NEAR);
             }

@@ -17,7 +17,6 @@ pub(crate) mod tests;
 
 pub use beside::{LEAN_DEG, leans_deg, other_sides, scaled, turned_deg};
 pub use blind::{NO_LINE, SwingSpeeds, speed_alone};
-use blind::{PART_S, TOUCH};
 pub use causes::Cause;
 pub use labelled::Labelled;
 
@@ -169,7 +168,7 @@ pub fn label(trial: &Labelled) -> Label {
         }
         [] if !is_lost || doubts.is_noisy || trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm)) => Label::Right,
         [] if trial.rpm.into_iter().all(is_own) => Label::Right,
-        [] if trial.touches && trial.off.0 > ROUGH => Label::NotJudged(TOUCH),
+        [] if trial.touches && trial.off.0 > ROUGH => Label::NotJudged(blind::TOUCH),
         [] => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
         _ => Label::Wrong(said(&better)),
     }
@@ -178,8 +177,8 @@ pub fn label(trial: &Labelled) -> Label {
 /// Returns the causes if a motor hardly swings the end of a motion, of which the steady angles are, though it swings the whole.
 fn otherwise_at_the_end(trial: &Labelled, own: &Fit, found: &[f64], doubts: &Doubts) -> Option<Vec<Cause>> {
     let end_s = trial.settled_s.end;
-    let end = Labelled { settled_s: end_s - PART_S..end_s, told_rpm: None, ..trial.clone() };
-    if trial.touches || doubts.is_noisy || trial.may_be_alike() || doubts.length_s < 1.5 * PART_S {
+    let end = Labelled { settled_s: end_s - blind::PART_S..end_s, told_rpm: None, ..trial.clone() };
+    if trial.touches || doubts.is_noisy || trial.may_be_alike() || doubts.length_s < 1.5 * blind::PART_S {
         return None;
     }
     let motion = Motion::of(end.angles_deg, end.settled_s.clone())?;
@@ -201,7 +200,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     let least = least_dps(trial.fastest_rpm().min(FASTEST_RPM));
     let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
     let end_s = trial.settled_s.end;
-    let at_the_end = Motion::of(trial.angles_deg, (end_s - PART_S).max(trial.settled_s.start)..end_s);
+    let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
     let at_the_end = at_the_end.map_or(fitter.largest_swing_dps(), |motion| Fitter::new(&motion).largest_swing_dps());
     match hardly_swings(at_the_end, 1.0) {
         [_, true] if trial.has_yaw_alone && !trial.may_be_alike() => return Some(Label::HardlySwings(Swing::Yaw)),

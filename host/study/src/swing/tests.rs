@@ -223,6 +223,11 @@ fn motors_that_stop_early_are_seen() {
     let trace = Trace::of(&truth, Way::Recorded, 4);
     let told = blind::speeds(&trace.angles_deg, SETTLING_S..75.0, None);
     assert!(told.is_err(), "{told:?}");
+    let (both, one) = ([50.3, -20.2], [50.3, 0.0]);
+    let points = [(0.0, [0.0; 2]), (0.5, both), (69.0, both), (69.5, one), (76.0, one)];
+    let truth = Truth::by(&quick(), both, SpeedProfile::from_points(&points).unwrap());
+    let told = blind::speeds(&Trace::of(&truth, Way::Recorded, 4).angles_deg, SETTLING_S..75.0, None);
+    assert_eq!(told.map(|told| told.rpm()), Err("a motor stops, or changes its speed"));
     // The second motor stops, turns at half of its speed, or the other way.
     for part in [0.0, 0.5, -1.0] {
         let both = [52.4, -27.3];

@@ -56,9 +56,9 @@ const GAP: f64 = 3.0;
 
 const LEAVE_EMPTY: &str = "leave lost readings empty in the table";
 
-pub(super) const SECTION: Section = Section { is_judged: |data| data.records.import.is_some(), rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: |data| data.records.import.is_some(), rules: RULES };
 
-static RULES: [Rule; 11] = [
+static RULES: &[Rule] = &[
     Rule::warning(Conduct, "import one run at constant speeds: name it with --run", |data, zeroed| {
         other_speed(data, &zeroed.steady.as_ref()?.window)
     }),
@@ -166,7 +166,9 @@ fn sparse(data: &Data) -> Option<String> {
 /// Returns what is wrong if a motor turned in the rest before the run.
 fn turned_before(data: &Data) -> Option<String> {
     let (run, step_s) = (&data.times.run, data.motors.interval_s().unwrap_or_default());
-    let before = (run.start - REST_S).max(data.times.preroll.start)..run.start - 2.0 * step_s;
+    // Where rows are missing, the turns between two rows may be those after the start.
+    let last_s = data.motors.time_s.iter().copied().take_while(|time_s| *time_s <= run.start).last()?;
+    let before = (run.start - REST_S).max(data.times.preroll.start)..last_s.min(run.start - 2.0 * step_s);
     let rate = |k: usize| data.motor_turns(k).rate(before.clone()).unwrap_or_default();
     let k = [0, 1].into_iter().find(|k| before.end > before.start && 60.0 * rate(*k).abs() > SAME_RPM)?;
     Some(format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1))

@@ -11,9 +11,9 @@ pub const DAMAGED_FRAME: &str = "a frame was damaged";
 
 const CABLE: &str = "check the cable";
 
-pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: RULES };
 
-static RULES: [Rule; 14] = [
+static RULES: &[Rule] = &[
     Rule::warning(Conduct, REPEAT, |data, _| {
         let is_cut_off = data.condition == Condition::CutOff;
         is_cut_off.then(|| "the log is cut off; the rest is used".to_owned())

@@ -20,9 +20,9 @@ const LONG_REST: &str = "give the plan a calibration of 5 s, or a pre-roll of 20
 const AT_MOST: &str = "let the robot come to rest before the trial: see rest_at_most in the plan";
 const LONGER: &str = "let the robot rest longer before the run, or name an earlier start with --run";
 
-pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: RULES };
 
-static RULES: [Rule; 17] = [
+static RULES: &[Rule] = &[
     Rule::warning(Rest, WAIT, |data, _| waited(data, true)),
     Rule::note(Rest, WAIT, |data, _| waited(data, false)),
     Rule::note(Rest, WAIT, |data, _| {

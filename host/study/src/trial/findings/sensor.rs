@@ -26,9 +26,9 @@ const JUMPS: &str = "check the sensor's wiring and supply, and keep its wires aw
 
 const ONE_MOUNTING: &str = "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial";
 
-pub(super) const SECTION: Section = Section { is_judged: is_of_robot, rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: is_of_robot, rules: RULES };
 
-static RULES: [Rule; 9] = [
+static RULES: &[Rule] = &[
     Rule::warning(
         Upright,
         "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial",

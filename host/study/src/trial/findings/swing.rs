@@ -28,10 +28,14 @@ const OFF: (f64, f64) = (0.012, 0.1);
 const OFF_OF_IMPORT: (f64, f64) = (0.03, 0.3);
 const OFF_OF_BLIND: (f64, f64) = (0.25, 2.0);
 
-pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: |data| !data.is_model(), rules: RULES };
 
-static RULES: [Rule; 5] = [
-    Rule::warning(Swing, "record speeds that differ more, or a longer run", without_speeds),
+static RULES: &[Rule] = &[
+    Rule::warning(
+        Swing,
+        "see that both motors turn, or record speeds that differ more, or a longer run",
+        without_speeds,
+    ),
     Rule::note(Swing, "measure the lines of the motors again with `biflag doctor --motors`", off_the_line),
     Rule::note(Upright, frame::AXES, turns_with_its_motors),
     Rule::note(Swing, "check the speeds, and use angles that no filter has smoothed", told_otherwise),
@@ -132,7 +136,9 @@ fn by_model<T>(
     own: &Labelled,
     ask: impl Fn(&Labelled, &Labelled) -> Option<T>,
 ) -> Option<T> {
-    if data.records.import.is_none() || own.touches {
+    // A flagellum that wraps beside one that stands bends as the latter stands, which an import does not know.
+    let other_rpm = [0, 1].map(|k| if own.rpm[k] == 0.0 { own.rpm[1 - k] } else { own.rpm[k] });
+    if data.records.import.is_none() || data.robot().ok()?.flagellum.mesh(other_rpm) {
         return None;
     }
     let angles_deg = zeroed.steady.as_ref()?.modelled.get_or_init(|| modelled(data.robot().ok()?, own.rpm, 1.0));
@@ -187,7 +193,12 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let is_settled = zeroed.steady.as_ref()?.settled;
     let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
         let leans_deg = if is_settled { leans(data, model, own) } else { None };
-        let scaled = scaled(model, own).filter(|scaled| scaled.0 != 0 || is_scaled_yaw(data, model, own, *scaled));
+        let is_same = |one: (usize, f64), other: (usize, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
+        let is_of_any = |found: (usize, f64)| {
+            is_of_any_stiffness(data, model, |other| scaled(other, own).is_some_and(|of| is_same(of, found)))
+        };
+        // Stiffness changes the swing of the yaw, and of all angles.
+        let scaled = scaled(model, own).filter(|found| [1, 2].contains(&found.0) || is_of_any(*found));
         Some((turned_deg(model, own), leans_deg, scaled))
     })?;
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
@@ -213,11 +224,17 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
         return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
     }
     // A turn of the frame changes the shares of pitch and roll, but not the yaw's, and none becomes small alone.
-    let is_scale = |(angle, factor): &(usize, f64)| *angle == 0 && turned_deg.is_none() || *factor < 0.5 || is_upright;
+    let is_scale = |(angle, factor): &(usize, f64)| {
+        *angle == 3 || *angle == 0 && turned_deg.is_none() || *factor < 0.5 || is_upright
+    };
     let (angle, factor) = scaled.filter(is_scale)?;
-    let angle = ["yaw", "pitch", "roll"][angle];
+    let name = ["yaw", "pitch", "roll", "attitude"][angle];
+    let (beside, it) = match angle {
+        3 => ("", "all angles had another scale or were smoothed"),
+        _ => (" beside the other angles", "it had another scale"),
+    };
     Some(format!(
-        "the {angle} swings {factor:.1} times as much beside the other angles as that of the robot's model: as if it had another scale, or as if {OTHER_ROBOT}"
+        "the {name} swings {factor:.1} times as much{beside} as that of the robot's model: as if {it}, or as if {OTHER_ROBOT}"
     ))
 }
 
@@ -239,12 +256,6 @@ fn leans(data: &Data, model: &Labelled, own: &Labelled) -> Option<f64> {
     let is_near = |other_deg: f64| other_deg.abs() > TURNED_DEG && wrapped(other_deg - deg).abs() < NEAR_DEG;
     let is_same = |other: &Labelled| leans_deg(other, own).is_some_and(is_near);
     (deg.abs() < TURNED_DEG || is_of_any_stiffness(data, model, is_same)).then_some(deg)
-}
-
-/// Returns whether no stiffness explains that the yaw swings so many times as much as that of the robot's model.
-fn is_scaled_yaw(data: &Data, model: &Labelled, own: &Labelled, (_, factor): (usize, f64)) -> bool {
-    let is_alike = |(angle, other): (usize, f64)| angle == 0 && (other > 1.0) == (factor > 1.0);
-    is_of_any_stiffness(data, model, |other| scaled(other, own).is_some_and(is_alike))
 }
 
 /// Returns the motion of a robot's model whose flagella are so many times as stiff.
@@ -298,10 +309,13 @@ fn off_the_line(data: &Data, zeroed: &Zeroed) -> Option<String> {
     })
 }
 
+/// Least difference of such speeds from the label's, relative to its largest error.
+const TOLD: f64 = 1.5;
+
 /// Describes speeds that the swing tells by itself and that differ from the label's, though no cause explains it better.
 fn told_otherwise(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let own = labelled(data, zeroed).ok().filter(|_| !data.is_blind())?;
-    let told = own.told_rpm.filter(|told| (0..2).any(|k| (told[k] - own.rpm[k]).abs() > 2.0 * own.error_rpm(k)))?;
+    let told = own.told_rpm.filter(|told| (0..2).any(|k| (told[k] - own.rpm[k]).abs() > TOLD * own.error_rpm(k)))?;
     (judged(data, zeroed) == Ok(Label::Right)).then(|| {
         let [[one, two], [w1, w2]] = [told, own.rpm].map(|rpm| rpm.map(|speed| decimal(speed, 1)));
         format!("by the swing alone the motors turned at {one} and {two} rpm, and not at {w1} and {w2}")

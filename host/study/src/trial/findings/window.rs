@@ -16,11 +16,11 @@ const LEAST_SHARE: f64 = 0.9;
 /// Time between readings above which telemetry counts as missing, s: ten frames of a board.
 const GAP_S: f64 = 0.05;
 
-pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: &RULES };
+pub(super) const SECTION: Section = Section { is_judged: |_| true, rules: RULES };
 
-static RULES: [Rule; 3] = [
+static RULES: &[Rule] = &[
     Rule::warning(Window, OVERTURNED, |data, _| data.upright().err().map(|error| error.reason)),
-    Rule::loss(Window, "give the trial a longer run", |data, zeroed| {
+    Rule::loss(Window, "give the trial a longer run, unless a motor stopped before its end", |data, zeroed| {
         zeroed.steady.as_ref().and_then(|steady| unsettled(data, steady))
     }),
     Rule::warning(Window, REPEAT, |data, zeroed| {

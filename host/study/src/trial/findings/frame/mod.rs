@@ -23,9 +23,9 @@ const ANOTHER: &str = "give the angles in a frame whose z axis points up";
 pub(super) const AXES: &str = "check the axes of the angles, and the robot's file";
 
 pub(super) const SECTION: Section =
-    Section { is_judged: |data| data.times.has_run() && data.speeds() != [CentiRpm(0); 2], rules: &RULES };
+    Section { is_judged: |data| data.times.has_run() && data.speeds() != [CentiRpm(0); 2], rules: RULES };
 
-static RULES: [Rule; 2] = [
+static RULES: &[Rule] = &[
     Rule::law(Upright, ANOTHER, |data, zeroed| match data.records.import.is_some() && zeroed.rest.is_missing {
         true => Err("no rest before the run"),
         false => Ok(askew(data, zeroed)),

@@ -171,7 +171,7 @@ fn about(axis: Vector3<f64>, deg: f64) -> Turn {
     UnitQuaternion::from_scaled_axis(axis * deg.to_radians())
 }
 
-const FAULTS: [&str; 19] = [
+const FAULTS: [&str; 21] = [
     "inverse",
     "order x-y-z",
     "order z-x-y",
@@ -183,6 +183,8 @@ const FAULTS: [&str; 19] = [
     "yaw x0.5",
     "pitch x2",
     "roll x2",
+    "all x0.4",
+    "all x2.5",
     "slip at once",
     "slip in 1 s",
     "pitch slips in 3 s",
@@ -217,6 +219,8 @@ fn spoilt(fault: &str, rows: &Rows, way: Way, random: &mut Random) -> Rows {
         "yaw x0.5" => scaled([0.5, 1.0, 1.0]),
         "pitch x2" => scaled([1.0, 2.0, 1.0]),
         "roll x2" => scaled([1.0, 1.0, 2.0]),
+        "all x0.4" => scaled([0.4; 3]),
+        "all x2.5" => scaled([2.5; 3]),
         "slip at once" | "slip in 1 s" | "pitch slips in 3 s" => {
             let (lasts_s, axis) = match fault {
                 "slip at once" => (0.001, 0),
@@ -312,8 +316,13 @@ fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
         let texts = trial.findings.iter().filter(|one| one.grave).map(|one| one.text.clone());
         texts.filter(|text| !text.starts_with("not settled")).collect::<Vec<_>>()
     };
-    let [opposite, slower] = [[63.7, -46.0], [-60.0, 25.0]].map(|rpm| motion(Robot::default(), rpm));
-    for motion in [&opposite, &slower] {
+    let [opposite, slower, calm] =
+        [[63.7, -46.0], [-60.0, 25.0], [37.3, 14.9]].map(|rpm| motion(Robot::default(), rpm));
+    // A flagellum that wraps beside one that stands bends far, and swings the robot as two motors do.
+    let mut stands = Robot::default();
+    stands.flagellum.phase_deg = [30.8, 85.3];
+    let stands = motion(stands, [0.0, -72.5]);
+    for motion in [&opposite, &slower, &calm, &stands] {
         assert_eq!(found(motion, None, 0.0, 30.0), [""; 0]);
         // A slow camera has a reading in every second interval.
         assert_eq!(found(motion, None, 0.0, 8.3), [""; 0]);
@@ -323,6 +332,8 @@ fn a_lean_in_another_direction_is_named_unless_stiffness_explains_it() {
         (&slower, "order x-y-z", 20.0, "turns in another order"),
         (&opposite, "half", 0.0, "turned by a half"),
         (&slower, "quarter left", 0.0, "turned by a quarter"),
+        (&calm, "all x2.5", 0.0, "all angles had another scale"),
+        (&calm, "all x0.4", 0.0, "all angles had another scale or were smoothed"),
     ] {
         for rate_hz in [30.0, 8.3] {
             let texts = found(motion, Some(fault), rest_deg, rate_hz);
