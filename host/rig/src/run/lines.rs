@@ -65,7 +65,6 @@ pub fn measure(
     interrupted: &AtomicBool,
     mut progress: impl FnMut(&str),
 ) -> Result<MeasuredLines, RecordError> {
-    link.clear_fault()?;
     let mut half = |motor: usize, sense: i16| {
         let which = if sense > 0 { "forwards" } else { "backwards" };
         let done = 2 * motor as u32 + u32::from(sense < 0);
@@ -94,20 +93,24 @@ pub fn measure(
     })
 }
 
+/// Speed at which the supply is checked, rpm.
+const CHECKED_RPM: f64 = 50.0;
+
 /// Corrects lines for the present supply, as a battery sags while they are measured and from day to day: each motor turns alone at 50
-/// rpm. Where the line does not reach that, or the swing does not tell the speed, the line stays.
+/// rpm. Where the line does not reach that, or the swing does not tell the speed, the line stays. A motor that stands, or is slower
+/// than half of it, is an error: a trial would find it after its first minutes.
 ///
 /// # Errors
 /// [`RecordError`].
 pub fn follow_supply(link: &Link, interrupted: &AtomicBool, lines: &mut Lines) -> Result<(), RecordError> {
-    link.clear_fault()?;
     stream::with_motors(link, || {
         (0..2).try_for_each(|motor| {
-            let speeds = [0, 1].map(|k| CentiRpm::from_rpm(if k == motor { 50.0 } else { 0.0 }));
+            let speeds = [0, 1].map(|k| CentiRpm::from_rpm(if k == motor { CHECKED_RPM } else { 0.0 }));
             let Ok(duties) = lines.duties(speeds) else { return Ok(()) };
             let half = Half { link, interrupted, motor, sense: 1 };
             match half.told(&half.turn(&duties[motor..=motor])?, 1, duties[motor]) {
-                Ok(told) => told.into_iter().for_each(|rpm| lines.follow(speeds, [rpm; 2])),
+                Ok(Some(rpm)) if rpm.abs() > CHECKED_RPM / 2.0 => lines.follow(speeds, [rpm; 2]),
+                Ok(_) => return Err(half.no_swing(duties[motor], "it stands, or is far off its speed")),
                 Err(RecordError::NoSwing { .. }) => {}
                 Err(error) => return Err(error),
             }

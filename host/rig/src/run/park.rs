@@ -56,7 +56,6 @@ pub fn park(
     interrupted: &AtomicBool,
 ) -> Result<(), RecordError> {
     let info = known(link)?;
-    link.clear_fault()?;
     let per_turn = f64::from(settings.counts_per_turn);
     let goals = [0, 1].map(|k| nearest(angles_deg[k], info.encoder[k], per_turn));
     let run_up = RUN_UP_DEG / 360.0 * per_turn;

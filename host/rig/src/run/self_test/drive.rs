@@ -51,7 +51,6 @@ pub struct Board<'a> {
 
 impl Drive for Board<'_> {
     fn drive(&mut self, motor: usize, duty: i16, duration_ms: u16) -> Result<Driven, RecordError> {
-        self.link.clear_fault()?;
         stream::with_motors(self.link, || self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS)))
     }
 }
