@@ -36,9 +36,14 @@ fi
 # The firmware is built with rustup's nightly and the sources of `core` if present, else with Debian's compiler.
 sh build.sh --check >/dev/null 2>&1 || packages="$packages rustc-web cargo-web rust-web-src"
 
+native=$(dpkg --print-architecture 2>/dev/null || true)
 missing=""
 for package in $packages; do
-    dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null | grep -qx installed || missing="$missing $package"
+    # A package has one line for each of its architectures.
+    wanted=$native
+    case $package in *:*) wanted=${package##*:} ;; esac
+    dpkg-query -W -f='${Architecture} ${db:Status-Status}\n' "$package" 2>/dev/null | grep -qxE "(all|$wanted) installed" ||
+        missing="$missing $package"
 done
 [ -n "$missing" ] || exit 0
 

@@ -31,9 +31,19 @@ pub fn check(bench: &Bench) {
     hold("columns", &text);
 }
 
+fn is_commit(text: &str) -> bool {
+    let hash = text.trim_end_matches("-dirty");
+    hash.len() == 8 && hash.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
 /// Replaces what depends on the program's version, and hashes of files.
 fn fixed(line: &str) -> String {
-    let line = line.replace(host::program::FULL_VERSION, "VERSION").replace(env!("CARGO_PKG_VERSION"), "VERSION");
+    // The program may be of another commit than this test.
+    let line = match line.split_once(" (").and_then(|(before, rest)| Some((before, rest.split_once(')')?))) {
+        Some((before, (commit, after))) if is_commit(commit) => format!("{before}{after}"),
+        _ => line.to_owned(),
+    };
+    let line = line.replace(env!("CARGO_PKG_VERSION"), "VERSION");
     let is_hash = |word: &str| word.len() == 64 && word.bytes().all(|byte| byte.is_ascii_hexdigit());
     let words = line.split(' ').map(|word| if is_hash(word.trim_end_matches(':')) { "HASH" } else { word });
     words.collect::<Vec<_>>().join(" ")

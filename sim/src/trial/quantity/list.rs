@@ -171,7 +171,7 @@ pub const WINDING: Quantity = Quantity {
 };
 
 /// All quantities, in the order of columns.
-pub const QUANTITIES: [Quantity; 17] = [
+pub const QUANTITIES: &[Quantity] = &[
     YAW,
     PITCH,
     ROLL,

@@ -101,12 +101,12 @@ pub fn columns(flagella: usize) -> impl Iterator<Item = Column> {
 
 /// Returns the quantities of a steady state.
 pub fn steady() -> impl Iterator<Item = Quantity> {
-    QUANTITIES.into_iter().filter(|quantity| quantity.level.is_some())
+    QUANTITIES.iter().copied().filter(|quantity| quantity.level.is_some())
 }
 
 /// Returns the columns of a sample for this number of flagella.
 pub fn sample_columns(flagella: usize) -> impl Iterator<Item = Column> {
-    let sampled = QUANTITIES.into_iter().filter(|quantity| quantity.sample.is_some());
+    let sampled = QUANTITIES.iter().copied().filter(|quantity| quantity.sample.is_some());
     numbered(sampled.flat_map(move |of| of.columns(flagella)))
 }
 
