@@ -12,8 +12,7 @@ use sim::trial::{Options, Trial};
 /// Returns yaw and pitch (deg), thrusts (mN) and the reaction torques about the shafts on the base (N m) of a trial of 120 s.
 fn run([w1, w2]: [f64; 2]) -> (f64, f64, [f64; 2], f64) {
     let profile = SpeedProfile::constant([w1, w2], 120.0).expect("a profile");
-    let mut trial =
-        Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).expect("the published robot");
+    let mut trial = Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).expect("a robot");
     let steady = trial.finish().expect("a run").steady;
     let [yaw_deg, pitch_deg, _] = steady.attitude.map(|level| level.mean.to_degrees());
     let thrust_mn = [0, 1].map(|k| steady.force[k][2].mean * 1e3);

@@ -133,7 +133,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let known = folder.join(MANIFEST).exists().then(&open).transpose()?;
     let is_done = |states: &[TrialState]| states.iter().all(|state| state.complete().is_some());
     let is_done = known.as_ref().is_some_and(|(_, _, states, _)| is_done(states));
-    let lines = match if is_done { Ok(None) } else { lines(args, &plan, (&link, settings), &interrupted) } {
+    let lines = match if is_done { Ok(None) } else { lines(args, &plan, &link, &interrupted) } {
         Err(RecordError::Interrupted) => return interrupted_early(),
         lines => lines?,
     };
@@ -218,12 +218,8 @@ fn connect(args: &Args, plan: &mut Plan, interrupted: &AtomicBool) -> miette::Re
 }
 
 /// Returns the lines of motors without encoders. The lines of an emulated board are not stored, so they are measured.
-fn lines(
-    args: &Args,
-    plan: &Plan,
-    (link, settings): (&Link, Settings),
-    interrupted: &AtomicBool,
-) -> Result<Option<Lines>, RecordError> {
+fn lines(args: &Args, plan: &Plan, link: &Link, interrupted: &AtomicBool) -> Result<Option<Lines>, RecordError> {
+    let settings = settings::read(link)?;
     if settings.speed_from == SpeedFrom::Encoders {
         return Ok(None);
     }

@@ -89,8 +89,7 @@ impl States {
         let constant = (0..3).filter(is_constant).map(|k| ["yaw", "pitch", "roll"][k].to_owned()).collect();
         let is_next = |k: usize| rows.iter().all(|row| row.angles_deg[k] == row.angles_deg[(k + 1) % 3]);
         if (0..3).any(|k| !is_constant(&k) && is_next(k)) {
-            let reason = "two of its angles are the same in all rows";
-            return Err(ImportError::table(table, reason, "name another column for one of them"));
+            return Err(ImportError::table(table, "two of its angles are the same in all rows", "name another column"));
         }
         Ok(Self { rows, about: ImportMeta { constant, ..ImportMeta::default() } })
     }

@@ -64,6 +64,9 @@ const MOST_LEFT_OPPOSITE: f64 = 0.015;
 /// stops.
 const UNSTEADY: f64 = 0.12;
 
+/// The same for noise of the angles, which moves the phases: for each degree of it in a swing of 1 °/s.
+const NOISY: f64 = 0.5;
+
 /// Least swing in the plane of a motor, relative to the usual one; and the same at opposite equal speeds.
 const LEAST_LINE: f64 = 0.2;
 const LEAST_OPPOSITE: f64 = 0.33;
@@ -228,9 +231,12 @@ pub(super) fn speeds(
     }
     let [one, two] = [0, 1].map(|k| (fit.hz[k] * rates[k] * 60.0, uncertainty[k]));
     let over_time = fitter.speeds_rpm(&fit, settled_s.end);
-    let is_unsteady =
-        |(mean, all): ((f64, f64), &Vec<f64>)| all.iter().any(|rpm| (rpm / mean.0 - 1.0).abs() > UNSTEADY);
-    if [one, two].into_iter().zip(&over_time.values).any(is_unsteady) {
+    let is_unsteady = |k: usize| {
+        let swing_dps = fit.motor(k).or(fit.motor(1 - k)).map_or(0.0, |line| size(line.turns));
+        let most = UNSTEADY + NOISY * motion.angle_variance.sqrt() / swing_dps;
+        over_time.values[k].iter().any(|rpm| (rpm / [one, two][k].0 - 1.0).abs() > most)
+    };
+    if (0..2).any(is_unsteady) {
         return Err("a motor stops, or changes its speed");
     }
     Ok(SwingSpeeds {
