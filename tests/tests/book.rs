@@ -217,6 +217,10 @@ impl Reader {
                 false => line.replacen(&verb, &format!("{verb} --port {port}"), 1),
             };
         }
+        if words[1] == "live" {
+            // Another page may be served at the same time.
+            line += " --listen 127.0.0.1:0";
+        }
         if has("--motors") {
             // Nobody is there to answer.
             line += " --yes";
