@@ -5,7 +5,7 @@ use super::error::{RecordError, fault_text};
 use super::stream::Silences;
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, Monitor, PingClock};
 use biflag_log::{Converter, EventKind, LinkStats, Writer};
-use protocol::{Command, Fault, Reply, Settings, TICK_HZ, Telemetry};
+use protocol::{Command, Fault, Reply, Settings, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 use study::sensor::RawReading;
@@ -68,9 +68,7 @@ struct Stream<'a> {
 
 impl<'a> Stream<'a> {
     fn start(link: &'a Link, settings: &'a Settings, interrupted: &'a AtomicBool) -> Result<Self, RecordError> {
-        super::stream::end(link)?;
-        link.clear_fault()?;
-        link.command(Command::Stream { rate_hz: TICK_HZ })?;
+        super::stream::begin(link)?;
         Ok(Self {
             link,
             settings,

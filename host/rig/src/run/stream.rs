@@ -53,20 +53,28 @@ pub(super) fn next_frame(link: &Link, interrupted: &AtomicBool) -> Result<Teleme
 }
 
 /// Runs `work` with motors while the board streams; then stops the motors and the stream, which must not fill memory while the
-/// user reads. A fault from before, as of a program that was killed, is forgotten with its frames.
+/// user reads.
 ///
 /// # Errors
 /// Those of `work`; as [`Link::command`].
 pub(super) fn with_motors<T>(link: &Link, work: impl FnOnce() -> Result<T, RecordError>) -> Result<T, RecordError> {
-    end(link)?;
-    link.clear_fault()?;
-    link.command(Command::Stream { rate_hz: TICK_HZ })?;
+    begin(link)?;
     let done = work();
     let stopped = link.command(Command::Stop);
     end(link)?;
     let done = done?;
     stopped?;
     Ok(done)
+}
+
+/// Begins the telemetry. A fault from before, as of a program that was killed, is forgotten with its frames.
+///
+/// # Errors
+/// As [`Link::command`].
+pub(super) fn begin(link: &Link) -> Result<(), LinkError> {
+    end(link)?;
+    link.clear_fault()?;
+    link.command(Command::Stream { rate_hz: TICK_HZ })
 }
 
 /// Ends the telemetry and discards everything that has already arrived.
