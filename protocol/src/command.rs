@@ -123,12 +123,8 @@ pub const MAX_TURN_SPEED: CentiRpm = CentiRpm(1500);
 
 /// A set-point: speeds and phase from a tick of the schedule on.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct SetPoint {
     /// Ticks from the start of the schedule.
     #[serde(with = "crate::fixed::u32")]

@@ -84,12 +84,8 @@ pub const MIN_SUPPLY_MV: u16 = 4300;
 
 /// An entry of the fault log, which survives resets and loss of power.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct FaultRecord {
     /// [`Info::boot_count`](crate::Info::boot_count) of the start after which it occurred.
     #[serde(with = "crate::fixed::u16")]

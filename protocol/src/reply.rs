@@ -51,12 +51,8 @@ pub enum Refusal {
 
 /// Identity of the board.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct Info {
     /// [`VERSION`](crate::VERSION) of the firmware. Always the first field.
     pub protocol: u8,
@@ -121,12 +117,8 @@ pub enum ResetCause {
 
 /// Result of a calibration of the gyroscope.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct Calibration {
     /// Whether the sensor was still throughout; if not, the bias in force is unchanged.
     pub still: bool,

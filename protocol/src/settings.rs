@@ -8,12 +8,8 @@ use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// Settings of one robot, kept in EEPROM with a CRC.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct Settings {
     /// A number that identifies the board; 0 if none was set.
     #[serde(with = "crate::fixed::u16")]

@@ -29,12 +29,8 @@ pub enum State {
 
 /// State of the robot at one tick of the control loop.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[cfg_attr(
-    target_arch = "avr",
-    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
-    repr(C),
-    serde(remote = "Self")
-)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
+#[cfg_attr(target_arch = "avr", repr(C), serde(remote = "Self"))]
 pub struct Telemetry {
     /// One more than in the frame before, so that lost frames can be counted.
     pub seq: Count,

@@ -10,13 +10,7 @@ use crate::attitude;
 use crate::gap;
 use crate::storage::Storage;
 
-impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
-where
-    I2C: I2c,
-    PIN: OutputPin,
-    PWM: SetDutyCycle,
-    STORAGE: Storage,
-{
+impl<I2C: I2c, PIN: OutputPin, PWM: SetDutyCycle, STORAGE: Storage> App<I2C, PIN, PWM, STORAGE> {
     #[inline(never)]
     pub(super) fn read_imu(&mut self) {
         self.telemetry.imu_fresh = self.imu.poll();

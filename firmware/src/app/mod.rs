@@ -126,13 +126,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     save_request: u8,
 }
 
-impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
-where
-    I2C: I2c,
-    PIN: OutputPin,
-    PWM: SetDutyCycle,
-    STORAGE: Storage,
-{
+impl<I2C: I2c, PIN: OutputPin, PWM: SetDutyCycle, STORAGE: Storage> App<I2C, PIN, PWM, STORAGE> {
     /// Returns the application with the motors off and the default settings; call [`App::start`] next.
     pub fn new(bus: I2C, motors: Motors<PIN, PWM>, storage: STORAGE, build: Build) -> Self {
         Self {

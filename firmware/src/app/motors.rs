@@ -13,13 +13,7 @@ use crate::storage::Storage;
 /// The largest change of a duty in a tick, for motors without encoders.
 const RAMP: i16 = 2;
 
-impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
-where
-    I2C: I2c,
-    PIN: OutputPin,
-    PWM: SetDutyCycle,
-    STORAGE: Storage,
-{
+impl<I2C: I2c, PIN: OutputPin, PWM: SetDutyCycle, STORAGE: Storage> App<I2C, PIN, PWM, STORAGE> {
     /// Measures a speed, and checks the motor's reaction to the duty of the tick before.
     #[inline(never)]
     pub(super) fn measure_speed(&mut self, motor: usize, tick: &Tick) {

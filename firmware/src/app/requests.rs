@@ -19,13 +19,7 @@ use crate::link::{Answer, Link, Outbox};
 use crate::speed::Turn;
 use crate::storage::Storage;
 
-impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
-where
-    I2C: I2c,
-    PIN: OutputPin,
-    PWM: SetDutyCycle,
-    STORAGE: Storage,
-{
+impl<I2C: I2c, PIN: OutputPin, PWM: SetDutyCycle, STORAGE: Storage> App<I2C, PIN, PWM, STORAGE> {
     pub(super) fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut impl Outbox) {
         let answer = match self.link.repetition(request) {
             Some(answer) => answer,
