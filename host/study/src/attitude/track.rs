@@ -68,7 +68,8 @@ impl<const N: usize> Columns<N> {
 
     /// Returns the values at a time (see [`Track::at`]); NaN without rows.
     pub fn at(&self, time_s: f64) -> [f64; N] {
-        self.tracks().map(|track| track.at(time_s).unwrap_or(f64::NAN))
+        let Some(place) = Place::of(&self.time_s, time_s) else { return [f64::NAN; N] };
+        self.values.each_ref().map(|values| place.value(values))
     }
 
     /// Returns the median interval between rows.
@@ -131,6 +132,28 @@ fn span(times: &[f64]) -> Range<f64> {
     times.first().zip(times.last()).map_or(0.0..0.0, |(first, last)| *first..*last)
 }
 
+/// Where a time lies among others.
+struct Place {
+    /// Index of the first time that is not earlier, or of the last one.
+    after: usize,
+    /// If it lies between two times: how far after the first one, and their distance, s.
+    between: Option<[f64; 2]>,
+}
+
+impl Place {
+    /// Returns `None` without times.
+    fn of(times_s: &[f64], time_s: f64) -> Option<Self> {
+        let after = times_s.partition_point(|t| *t < time_s).min(times_s.len().checked_sub(1)?);
+        let before_s = after.checked_sub(1).filter(|_| times_s[after] > time_s).map(|before| times_s[before]);
+        Some(Self { after, between: before_s.map(|before_s| [time_s - before_s, times_s[after] - before_s]) })
+    }
+
+    fn value(&self, values: &[f64]) -> f64 {
+        let (i, v1) = (self.after, values[self.after]);
+        self.between.map_or(v1, |[passed_s, step_s]| values[i - 1] + (v1 - values[i - 1]) * passed_s / step_s)
+    }
+}
+
 /// One quantity over time.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Track<'a> {
@@ -148,13 +171,7 @@ impl Track<'_> {
 
     /// Returns the value at a time by linear interpolation; beyond the ends, the value at the end.
     pub fn at(&self, time_s: f64) -> Option<f64> {
-        let after = self.time_s.partition_point(|t| *t < time_s);
-        let (Some(last), Some(before)) = (self.value.last(), after.checked_sub(1)) else {
-            return self.value.first().copied();
-        };
-        let Some((t1, v1)) = self.time_s.get(after).zip(self.value.get(after)) else { return Some(*last) };
-        let (t0, v0) = (self.time_s[before], self.value[before]);
-        Some(if *t1 > time_s { v0 + (v1 - v0) * (time_s - t0) / (t1 - t0) } else { *v1 })
+        Place::of(self.time_s, time_s).map(|place| place.value(self.value))
     }
 
     /// Returns the mean over a range of time by the trapezium rule. It weights values by time, so lost frames do no

@@ -1,13 +1,13 @@
 //! The table of a trial, with its header.
 
 use super::table::{Rows, Table};
-use crate::attitude::{Reading, Track, euler_deg, rotation};
+use crate::attitude::{Reading, euler_deg, rotation};
 use crate::plan::RobotFile;
 use crate::program::FULL_VERSION;
 use crate::text::{origin, word};
 use crate::trial::{Data, FRAME, Judged, TRUTH, Zeroed};
 use biflag_log::{ImportMeta, TrialMeta};
-use sim::trial::quantity::{FLAGELLA, sample_columns};
+use sim::trial::quantity::{FLAGELLA, SAMPLE_COLUMNS, sample_columns};
 use std::ops::Range;
 
 /// Times that differ by no more than this are the same, s: the board's clock counts microseconds.
@@ -70,12 +70,12 @@ pub fn table(trial: &Judged) -> Table {
     if !data.forces.is_empty() {
         for (k, column) in sample_columns(FLAGELLA).enumerate() {
             let about = column.about();
-            columns.push(rows.real(column.name, about, |row| data.forces.track(k).at(row.time_s)));
+            columns.push(rows.real(column.name, about, |row| row.forces[k]));
         }
     }
-    if let Some(interval_s) = data.truth.interval_s() {
-        for (field, track) in TRUTH.iter().zip(data.truth.tracks()) {
-            columns.push(rows.real(field.name, field.about, |row| between(track, 1.5 * interval_s, row.time_s)));
+    if !data.truth.is_empty() {
+        for (k, field) in TRUTH.iter().enumerate() {
+            columns.push(rows.real(field.name, field.about, |row| row.truth.map(|truth| truth[k])));
         }
     }
     Table { header: header(data, zeroed), columns }
@@ -95,6 +95,9 @@ struct Row {
     angles_deg: Option<[f64; 3]>,
     board_deg: [f64; 3],
     temperature_c: f64,
+    forces: [f64; SAMPLE_COLUMNS],
+    /// The truth at this time, if it is known at it or around it.
+    truth: Option<[f64; TRUTH.len()]>,
 }
 
 fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
@@ -102,30 +105,34 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     // its log may remove one and leave the other.
     let first = if data.is_model() { 0 } else { data.calibrated };
     let shift_s = data.readings.get(first).zip(zeroed.angles_deg.time_s.first()).map_or(0.0, |((t, _), s)| s - t);
+    let longest_s = data.truth.interval_s().map_or(0.0, |interval_s| 1.5 * interval_s);
     let row = |(i, (frame_s, reading)): (usize, &(f64, Reading))| {
         let at = match data.is_model() {
             true => index_at(&zeroed.angles_deg.time_s, *frame_s),
             false => i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len()),
         };
+        let time_s = at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]);
         Row {
             reading: i,
-            time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
+            time_s,
             frame_s: *frame_s,
             motors: index_at(&data.motors.time_s, *frame_s),
             angles_deg: at.map(|at| zeroed.angles_deg.row(at)),
             board_deg: euler_deg(&rotation(reading.attitude)),
             temperature_c: reading.temperature_c,
+            forces: data.forces.at(time_s),
+            truth: is_around(&data.truth.time_s, longest_s, time_s).then(|| data.truth.at(time_s)),
         }
     };
     data.readings.iter().enumerate().map(row).collect()
 }
 
-/// Returns the value at a time, if the time is a sample's, or lies between two samples that are at most `longest_s` apart.
-fn between(track: Track, longest_s: f64, time_s: f64) -> Option<f64> {
-    let after = track.time_s.partition_point(|time| *time < time_s);
-    let next = track.time_s.get(after)?;
-    let is_near = |before: usize| next - track.time_s[before] <= longest_s;
-    track.at(time_s).filter(|_| *next == time_s || after.checked_sub(1).is_some_and(is_near))
+/// Returns whether a time is one of these, or lies between two of them that are at most `longest_s` apart.
+fn is_around(times_s: &[f64], longest_s: f64, time_s: f64) -> bool {
+    let after = times_s.partition_point(|time| *time < time_s);
+    let Some(next) = times_s.get(after) else { return false };
+    let is_near = |before: usize| next - times_s[before] <= longest_s;
+    *next == time_s || after.checked_sub(1).is_some_and(is_near)
 }
 
 /// Returns the index of a time, equal to within rounding.

@@ -30,7 +30,7 @@ pub(super) fn left_deg(wait: Option<&RestMeta>, righting_s: f64, zero: &Range<f6
 
 /// Returns the time constants of the robot in the log, or of the robot `physical` if the log has no valid one.
 pub(super) fn time_constants(data: &Data) -> Option<TimeConstants> {
-    let of = |robot: &Robot| TimeConstants::of(robot).ok();
+    let of = |robot: &Robot| righting(robot).0;
     data.robot().ok().and_then(|robot| of(&robot)).or_else(|| of(&Robot::default()))
 }
 
@@ -47,15 +47,22 @@ const LARGEST_DEG: f64 = 80.0;
 /// Returns the largest tilt of a robot, degrees, at which the righting moment of its weight balances the moment of both thrusts
 /// at the fastest speed on the levers of their shafts ([`mod@resistance`]); `None` if its file is invalid.
 pub(super) fn largest_tilt_deg(robot: &Robot) -> Option<f64> {
+    righting(robot).1
+}
+
+/// The time constants of a robot, and its largest tilt.
+type Righting = (Option<TimeConstants>, Option<f64>);
+
+fn righting(robot: &Robot) -> Righting {
     let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
     match &*last {
-        Some((known, deg)) if known == robot => *deg,
-        _ => last.insert((robot.clone(), tilt_of_thrusts_deg(robot))).1,
+        Some((known, righting)) if known == robot => *righting,
+        _ => last.insert((robot.clone(), (TimeConstants::of(robot).ok(), tilt_of_thrusts_deg(robot)))).1,
     }
 }
 
-/// The last robot and its largest tilt: the trials of a session have one robot.
-static LAST: Mutex<Option<(Robot, Option<f64>)>> = Mutex::new(None);
+/// The last robot and its righting: the trials of a session have one robot.
+static LAST: Mutex<Option<(Robot, Righting)>> = Mutex::new(None);
 
 fn tilt_of_thrusts_deg(robot: &Robot) -> Option<f64> {
     let base = &robot.base;
