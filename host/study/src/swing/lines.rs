@@ -245,13 +245,12 @@ impl<'a> Fitter<'a> {
         }
         columns.extend_from_slice(self.slow.as_slice());
         let columns = DMatrix::from_vec(count, 2 * hz.len() + self.slow.ncols(), columns);
-        let transposed = columns.transpose();
-        let mut normal = &transposed * &columns;
+        let mut normal = columns.transpose() * &columns;
         (0..normal.nrows()).for_each(|i| normal[(i, i)] *= 1.0 + 1e-4);
         let cholesky = normal.cholesky()?;
-        let values = cholesky.solve(&(&transposed * &self.rates));
+        let values = cholesky.solve(&columns.tr_mul(&self.rates));
         let residuals = &self.rates - &columns * &values;
-        Some(Solved { columns, transposed, cholesky, values, residuals })
+        Some(Solved { columns, cholesky, values, residuals })
     }
 
     fn fit(&self, hz: [f64; 2], lines: &[[i32; 2]], solved: &Solved) -> Fit {
@@ -296,7 +295,7 @@ impl<'a> Fitter<'a> {
                 let (cosine, sine) = (solved.columns.column(2 * i), solved.columns.column(2 * i + 1));
                 let along = |k: usize| TAU * self.t[motor][k] * (b * cosine[k] - a * sine[k]);
                 let column = DVector::from_fn(self.motion.t.len(), |k, _| along(k));
-                let held = solved.cholesky.solve(&(&solved.transposed * &column));
+                let held = solved.cholesky.solve(&solved.columns.tr_mul(&column));
                 Some(column - &solved.columns * held)
             };
             let by = [0, 1].map(|motor| if hz[motor] == 0.0 { None } else { derivative(motor) });
@@ -415,7 +414,6 @@ fn steady(hz: &[f64]) -> Vec<[f64; 2]> {
 
 struct Solved {
     columns: DMatrix<f64>,
-    transposed: DMatrix<f64>,
     cholesky: Cholesky<f64, Dyn>,
     /// A column is an axis, as in the residuals.
     values: DMatrix<f64>,

@@ -41,13 +41,15 @@ impl Motion {
     /// readings.
     pub fn of(angles_deg: &Columns<3>, part_s: Range<f64>) -> Option<Self> {
         let start_s = part_s.start.max(part_s.end - LONGEST_S);
-        let turned = turned(&angles_deg.values);
+        let at = [start_s, part_s.end].map(|end_s| angles_deg.time_s.partition_point(|t| *t < end_s));
+        let time_s = &angles_deg.time_s[at[0]..at[1]];
+        let turned = turned(angles_deg.values.each_ref().map(|angle| &angle[at[0]..at[1]]));
         INTERVALS_S.into_iter().find_map(|interval_s| {
             let count = ((part_s.end - start_s) / interval_s).floor().max(0.0) as usize;
             if (count as f64) * interval_s < SHORTEST_S {
                 return None;
             }
-            let bins = Bins { time_s: &angles_deg.time_s, start_s, interval_s, count };
+            let bins = Bins { time_s, start_s, interval_s, count };
             let [x, y, z] = turned.each_ref().map(|turned| bins.mean(turned));
             let rates = [x?, y?, z?].map(|turned| differences(&turned, interval_s));
             let count = rates[0].len();
@@ -83,14 +85,14 @@ impl Motion {
 }
 
 /// Returns how far a body has turned about its own axes, °, from its yaw, pitch and roll.
-fn turned(angles_deg: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
-    let attitude = |i: usize| of_euler_zyx(angles_deg.each_ref().map(|angle| angle[i].to_radians()));
+fn turned(angles_deg: [&[f64]; 3]) -> [Vec<f64>; 3] {
+    let attitude = |i: usize| of_euler_zyx(angles_deg.map(|angle| angle[i].to_radians()));
     let mut all = [vec![0.0], vec![0.0], vec![0.0]];
-    for i in 1..angles_deg[0].len() {
-        let (before, now) = (attitude(i - 1), attitude(i));
-        let step = rotation_between(&before, &now);
+    let attitudes: Vec<_> = (0..angles_deg[0].len()).map(attitude).collect();
+    for (i, pair) in attitudes.windows(2).enumerate() {
+        let step = rotation_between(&pair[0], &pair[1]);
         for (axis, column) in all.iter_mut().enumerate() {
-            column.push(column[i - 1] + step[axis].to_degrees());
+            column.push(column[i] + step[axis].to_degrees());
         }
     }
     all
@@ -122,8 +124,7 @@ impl Bins<'_> {
     /// more than a tenth of the intervals have none.
     fn mean(&self, column: &[f64]) -> Option<Vec<f64>> {
         let (mut sums, mut counts) = (vec![0.0; self.count], vec![0.0; self.count]);
-        let first = self.time_s.partition_point(|t| *t < self.start_s);
-        for (t, value) in self.time_s.iter().zip(column).skip(first) {
+        for (t, value) in self.time_s.iter().zip(column) {
             // If the readings of a table are an interval apart, rounding would leave empty bins.
             let bin = ((t - self.start_s) / self.interval_s + 1e-6) as usize;
             if bin >= self.count {
