@@ -235,20 +235,21 @@ impl Reader {
                 self.channels.insert(channel.id, (channel.topic, schema));
             }
             Entry::Message(header, data) => {
-                let (topic, schema) = match self.channels.get(&header.channel_id) {
-                    Some((topic, schema)) => (topic.clone(), schema.as_str()),
-                    None => (format!("channel {}", header.channel_id), ""),
-                };
+                let unknown = || (format!("channel {}", header.channel_id), String::new());
+                let (topic, schema) = self.channels.entry(header.channel_id).or_insert_with(unknown);
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
                 // Damage is damage of the log, whichever channels are read.
-                let body = Body::decode(&topic, schema, data).unwrap_or_else(|data| {
+                let body = Body::decode(topic, schema, data).unwrap_or_else(|data| {
                     let bytes = data.len() as u64;
                     self.scanner.lose(self.scanner.offset, bytes, "a message that cannot be decoded");
                     Body::Other(data)
                 });
-                *self.counts.entry(topic.clone()).or_default() += 1;
-                return wanted.then_some(Message {
-                    topic,
+                match self.counts.get_mut(topic) {
+                    Some(count) => *count += 1,
+                    None => drop(self.counts.insert(topic.clone(), 1)),
+                }
+                return wanted.then(|| Message {
+                    topic: topic.clone(),
                     sequence: header.sequence,
                     log_time_ns: header.log_time,
                     publish_time_ns: header.publish_time,
