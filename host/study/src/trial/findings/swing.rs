@@ -41,7 +41,7 @@ static RULES: &[Rule] = &[
     Rule::note(Swing, "check the speeds, and use angles that no filter has smoothed", told_otherwise),
     Rule::law(
         Swing,
-        "check the speeds with their unit and signs, the counts per turn of encoders if there are any, and the unit and frame of the angles",
+        "check the speeds with their unit and signs, the counts per turn of encoders if there are any, the unit of the times, and the unit and frame of the angles",
         other_swing,
     ),
 ];
