@@ -66,9 +66,7 @@ fn cell<'a>(values: &'a Values, row: usize, text: &'a mut Vec<u8>) -> &'a [u8] {
 fn decimal(billionths: f64, text: &mut Vec<u8>) -> &[u8] {
     const UNIT: u64 = 1_000_000_000;
     let (all, mut digits) = (billionths.abs() as u64, itoa::Buffer::new());
-    if billionths.is_sign_negative() {
-        text.push(b'-');
-    }
+    text.extend(billionths.is_sign_negative().then_some(b'-'));
     text.extend(digits.format((all / UNIT) as u32).as_bytes());
     let part = all % UNIT;
     if part > 0 {

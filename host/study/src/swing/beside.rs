@@ -85,10 +85,23 @@ pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
     }
 }
 
-/// Returns the angle (0 to 2: yaw, pitch, roll) whose swing, relative to the other angles, has another size in a second motion of
-/// one robot, and the ratio; or 3 and the ratio of the swing of all angles; `None` if none has, or if noise or a beat of both motors
-/// hides it.
-pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
+/// The angles whose swing has another size than expected.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Scaled {
+    /// The yaw, relative to the tilts.
+    Yaw,
+    /// The pitch, relative to yaw and roll.
+    Pitch,
+    /// The roll, relative to yaw and pitch.
+    Roll,
+    /// All three.
+    All,
+}
+
+/// Returns the angle whose swing, relative to the other angles, has another size in a second motion of one robot, and the ratio, or
+/// else the ratio of the swing of all angles; `None` if noise or a beat of both motors hides it.
+pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(Scaled, f64)> {
+    use Scaled::{All, Pitch, Roll, Yaw};
     let swing = |trial: &Labelled| {
         let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
         let has_mean = !is_near(trial.rpm.map(f64::abs), motion.length_s / BEATS);
@@ -96,14 +109,14 @@ pub fn scaled(one: &Labelled, other: &Labelled) -> Option<(usize, f64)> {
     };
     let (one, other) = (swing(one)?, swing(other)?);
     let [roll, pitch, yaw] = [0, 1, 2].map(|k| (ln(other[k].0 / one[k].0), other[k].1));
-    let of = |k: usize, own: (f64, bool), [a, b]: [(f64, bool); 2]| {
+    let of = |angle: Scaled, own: (f64, bool), [a, b]: [(f64, bool); 2]| {
         let by = own.0 - (a.0 + b.0) / 2.0;
         // An angle whose swing noise hides may only have less.
         let is_clear = a.1 && b.1 && (own.1 || by < 0.0);
-        (is_clear && by.abs() > ln(SCALED) && (a.0 - b.0).abs() < by.abs() / 2.0).then(|| (k, exp(by)))
+        (is_clear && by.abs() > ln(SCALED) && (a.0 - b.0).abs() < by.abs() / 2.0).then(|| (angle, exp(by)))
     };
     let of_all = (yaw.0 + pitch.0 + roll.0) / 3.0;
-    let all = ([yaw, pitch, roll].iter().all(|of| of.1) && of_all.abs() > ln(SCALED)).then(|| (3, exp(of_all)));
-    let of_one = of(0, yaw, [pitch, roll]).or_else(|| of(1, pitch, [yaw, roll])).or_else(|| of(2, roll, [yaw, pitch]));
-    of_one.or(all)
+    let all = ([yaw, pitch, roll].iter().all(|of| of.1) && of_all.abs() > ln(SCALED)).then(|| (All, exp(of_all)));
+    let found = [of(Yaw, yaw, [pitch, roll]), of(Pitch, pitch, [yaw, roll]), of(Roll, roll, [yaw, pitch]), all];
+    found.into_iter().flatten().next()
 }

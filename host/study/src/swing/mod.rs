@@ -15,7 +15,7 @@ mod score;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use beside::{LEAN_DEG, leans_deg, other_sides, scaled, turned_deg};
+pub use beside::{LEAN_DEG, Scaled, leans_deg, other_sides, scaled, turned_deg};
 pub use blind::{NO_LINE, SwingSpeeds, speed_alone};
 pub use causes::Cause;
 pub use labelled::Labelled;

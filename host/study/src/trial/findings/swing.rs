@@ -4,8 +4,8 @@
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, tilt_deg, wrapped};
 use crate::swing::{
-    Cause, LEAN_DEG, Label, Labelled, PIECE_S, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg, other_sides,
-    scaled, turned_deg,
+    Cause, LEAN_DEG, Label, Labelled, PIECE_S, Scaled, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg,
+    other_sides, scaled, turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
@@ -193,12 +193,13 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
     let is_settled = zeroed.steady.as_ref()?.settled;
     let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
         let leans_deg = if is_settled { leans(data, model, own) } else { None };
-        let is_same = |one: (usize, f64), other: (usize, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
-        let is_of_any = |found: (usize, f64)| {
+        let is_same = |one: (Scaled, f64), other: (Scaled, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
+        let is_of_any = |found: (Scaled, f64)| {
             is_of_any_stiffness(data, model, |other| scaled(other, own).is_some_and(|of| is_same(of, found)))
         };
         // Stiffness changes the swing of the yaw, and of all angles.
-        let scaled = scaled(model, own).filter(|found| [1, 2].contains(&found.0) || is_of_any(*found));
+        let scaled =
+            scaled(model, own).filter(|found| [Scaled::Pitch, Scaled::Roll].contains(&found.0) || is_of_any(*found));
         Some((turned_deg(model, own), leans_deg, scaled))
     })?;
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
@@ -224,13 +225,13 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
         return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
     }
     // A turn of the frame changes the shares of pitch and roll, but not the yaw's, and none becomes small alone.
-    let is_scale = |(angle, factor): &(usize, f64)| {
-        *angle == 3 || *angle == 0 && turned_deg.is_none() || *factor < 0.5 || is_upright
+    let is_scale = |(angle, factor): &(Scaled, f64)| {
+        *angle == Scaled::All || *angle == Scaled::Yaw && turned_deg.is_none() || *factor < 0.5 || is_upright
     };
     let (angle, factor) = scaled.filter(is_scale)?;
-    let name = ["yaw", "pitch", "roll", "attitude"][angle];
+    let name = ["yaw", "pitch", "roll", "attitude"][angle as usize];
     let (beside, it) = match angle {
-        3 => ("", "all angles had another scale or were smoothed"),
+        Scaled::All => ("", "all angles had another scale or were smoothed"),
         _ => (" beside the other angles", "it had another scale"),
     };
     Some(format!(
