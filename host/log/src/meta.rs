@@ -324,12 +324,21 @@ pub struct ImportMeta {
     pub trial: String,
     /// SHA-256 of that file, in hexadecimal.
     pub trial_sha256: String,
+    /// 95 % uncertainty of the yaw of that recording, degrees.
+    pub trial_yaw_uncertainty_deg: Option<f64>,
     /// Time of that recording at the table's time zero, s.
     pub clock_offset_s: Option<f64>,
     /// Relative rate by which that recording's time passes faster than the table's, 10⁻⁶.
     pub clock_rate_ppm: Option<f64>,
     /// Difference between the table's and the recorded yaw after removing clock, zero and drift, degrees RMS.
     pub clock_rms_deg: Option<f64>,
+}
+
+impl ImportMeta {
+    /// Returns whether the motors' speeds or turns were measured: by columns of the table, or by the recording of the same trial.
+    pub fn has_motors(&self) -> bool {
+        self.clock_offset_s.is_some() || self.columns.contains("turns1=") || self.columns.contains("w1=")
+    }
 }
 
 /// The recording that a replay was made from.

@@ -5,7 +5,6 @@ use super::Blocks;
 use super::errors::TrialErrors;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, Judged, OverTime, Unusable, Want};
-use crate::twin::sensor_key::SensorKey;
 use biflag_log::Origin;
 use nalgebra::DVector;
 use sim::body::closure::Closure;
@@ -111,7 +110,7 @@ impl FitTrial {
             }),
         };
         let measured = zeroed.angles_deg.tracks().map(means);
-        let errors = TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S);
+        let errors = TrialErrors::new(data, errors, &measured, BLOCK_S);
         Ok(Self {
             name: data.trial().name,
             path: data.path.clone(),

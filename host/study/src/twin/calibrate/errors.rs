@@ -2,7 +2,7 @@
 
 use super::Blocks;
 use crate::sensor::index::MOUNTING_YAW;
-use crate::trial::OverTime;
+use crate::trial::{Data, OverTime};
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::{DMatrix, DVector};
 use sim::functions::powi;
@@ -10,6 +10,9 @@ use sim::functions::powi;
 /// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
 /// the sensor's filter.
 const TIMING_S: f64 = 0.002;
+
+/// The same of an import whose run is told and not measured: to about a tenth of a second (95 %).
+const TIMING_OF_RUN_S: f64 = 0.05;
 
 /// Relative standard deviation of the solver's error of an angle: mean forces have an error of some tenths of a per
 /// cent from tolerance and steps.
@@ -28,14 +31,17 @@ pub(super) struct TrialErrors {
 
 impl TrialErrors {
     /// Adds the errors of solver and clocks to the sensor's. `block_s`: length of a block.
-    pub fn new(sensor: Option<SensorKey>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
+    pub fn new(data: &Data, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
+        let sensor = SensorKey::of(data);
+        let is_told = data.records.import.as_ref().is_some_and(|import| !import.has_motors());
+        let timing_s = if is_told { TIMING_OF_RUN_S } else { TIMING_S };
         // A model counts as a sensor with little noise.
         let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
         let own = [0, 1, 2].map(|k| {
             let (turned, last) = (&measured[k], measured[k].len().saturating_sub(1));
             let rate = |i: usize| (turned[(i + 1).min(last)] - turned[i.saturating_sub(1)]) / (2.0 * block_s);
             let of_model = |i: usize, j: usize| {
-                powi(SOLVER_ERROR, 2) * turned[i] * turned[j] + powi(TIMING_S, 2) * rate(i) * rate(j)
+                powi(SOLVER_ERROR, 2) * turned[i] * turned[j] + powi(timing_s, 2) * rate(i) * rate(j)
             };
             DMatrix::from_fn(turned.len(), turned.len(), |i, j| errors[k].own[(i, j)] + quiet_deg2 + of_model(i, j))
         });

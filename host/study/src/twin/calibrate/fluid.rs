@@ -16,11 +16,11 @@ pub(super) fn mean_c(trials: &[FitTrial]) -> f64 {
 }
 
 /// Replaces a mixture by its viscosity and density at the mean temperature of all trials, and gives each trial its own
-/// values relative to these. Returns a warning about the temperatures.
+/// values relative to these. Returns a warning about the temperatures, and a note on the viscosity.
 ///
 /// # Errors
 /// [`TwinError::Unusable`] if the temperature of a trial in a mixture is unknown.
-pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Result<Option<String>, TwinError> {
+pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Result<[Option<String>; 2], TwinError> {
     if let (Some(unknown), Some(_)) = (trials.iter().find(|trial| trial.temperature_c.is_nan()), &fluid.glycerol) {
         return Err(TwinError::Unusable {
             path: unknown.path.clone(),
@@ -32,12 +32,13 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
     let [least, most] = extremes(trials.iter().map(|trial| trial.temperature_c));
     let Some(mixture) = fluid.glycerol.take() else {
         let real = trials.iter().any(|trial| trial.is_real);
-        return Ok((real && most - least > SAME_C).then(|| {
+        let warning = (real && most - least > SAME_C).then(|| {
             format!(
                 "the sensor had {least:.1} °C to {most:.1} °C, and the viscosity of glycerol changes by some 8 % per °C: \
                  all trials are fitted with one viscosity, unless the robot has a mixture under [fluid.glycerol]"
             )
-        }));
+        });
+        return Ok([warning, None]);
     };
     let at = |temperature_c: f64| Glycerol { temperature_c, ..mixture };
     fluid.viscosity_pa_s = at(mean_c).viscosity_pa_s();
@@ -46,17 +47,12 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Res
         let own = at(trial.temperature_c);
         trial.fluid = [own.viscosity_pa_s() / fluid.viscosity_pa_s, own.density_kg_m3() / fluid.density_kg_m3];
     }
-    let share = 100.0 * mixture.mass_fraction;
-    let viscosity = fluid.viscosity_pa_s;
-    Ok(Some(if most - least > 0.1 {
-        format!(
-            "the initial viscosity is that of {share:.1} % glycerol at the sensor's mean {mean_c:.1} °C: {viscosity:.3} Pa s; \
-             each of {} has that of its own temperature, {least:.1} °C to {most:.1} °C",
-            count(trials.len(), "trial")
-        )
-    } else {
-        format!(
-            "the initial viscosity is that of {share:.1} % glycerol at the sensor's {mean_c:.1} °C: {viscosity:.3} Pa s"
-        )
-    }))
+    let (share, viscosity) = (100.0 * mixture.mass_fraction, fluid.viscosity_pa_s);
+    let mut note =
+        format!("the initial viscosity is that of {share:.1} % glycerol at {mean_c:.1} °C: {viscosity:.3} Pa s");
+    if most - least > 0.1 {
+        let trials = count(trials.len(), "trial");
+        note += &format!("; each of {trials} has that of its own temperature, {least:.1} °C to {most:.1} °C");
+    }
+    Ok([None, Some(note)])
 }

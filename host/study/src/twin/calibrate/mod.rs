@@ -103,7 +103,8 @@ fn fit(
     let mut warnings = Vec::new();
     let mut trials = select::usable(trials, &findings, &mut warnings)?;
     let (mut start, closure) = select::start(&mut trials, request, &mut warnings)?;
-    warnings.extend(fluid::at_temperatures(&mut trials, &mut start.fluid)?);
+    let [warning, of_fluid] = fluid::at_temperatures(&mut trials, &mut start.fluid)?;
+    warnings.extend(warning);
     let parameters = select::parameters(&mut trials, &start, &request.parameters, &mut warnings)?;
     let simulations = AtomicUsize::new(0);
     let simulated = || {
@@ -161,7 +162,12 @@ fn fit(
         simulations: simulations.load(Ordering::Relaxed),
         findings,
         warnings,
-        notes: phase::unknown(&trials, &start, &parameters).into_iter().chain(wide).chain(risen).collect(),
+        notes: phase::unknown(&trials, &start, &parameters)
+            .into_iter()
+            .chain(of_fluid)
+            .chain(wide)
+            .chain(risen)
+            .collect(),
         short_of_minimum,
         robot,
     })
@@ -230,7 +236,7 @@ fn minimise(problem: Problem) -> Result<Problem, TwinError> {
     let limited = problem.at_limit();
     if !limited.is_empty() {
         let reason = format!("{} would change by more than a factor of ten", limited.join(", "));
-        return Err(failed(&reason, "start from a robot that is nearer with --robot"));
+        return Err(failed(&reason, "start from a robot that is nearer with --robot, and check the times of the runs"));
     }
     Ok(problem)
 }
