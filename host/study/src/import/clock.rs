@@ -107,7 +107,7 @@ impl Beside {
             Some(seen_s) => (by_light(of_table, of_log, seen_s, recording.data.lit_s, table)?, "LED"),
             None => (find(of_table, of_log, table)?, "yaw"),
         };
-        let recording = &recording.data;
+        let Judged { data: recording, angles, .. } = recording;
         let span = recording.motors.span();
         let on_clock = |state: &State| {
             let time_s = clock.time_s(state.time_s);
@@ -118,6 +118,7 @@ impl Beside {
         let name = recording.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let about = ImportMeta {
             trial: name.clone(),
+            trial_yaw_uncertainty_deg: angles.angles().and_then(|angles| angles.yaw_uncertainty_deg),
             trial_sha256: recording.sha256.clone().unwrap_or_default(),
             clock_offset_s: Some(clock.offset_s),
             clock_rate_ppm: Some(clock.rate_ppm),

@@ -20,7 +20,7 @@ pub mod robot;
 mod schedule;
 mod shipped;
 pub(crate) mod source;
-mod units;
+pub(crate) mod units;
 
 pub use board::BoardSettings;
 pub use error::PlanError;

@@ -291,6 +291,11 @@ fn without_unit(value: &str) -> Option<&str> {
     .then_some(number)
 }
 
+/// Returns a numeric value.
+pub(crate) fn real(value: &toml::Value) -> Option<f64> {
+    value.as_float().or_else(|| Some(value.as_integer()? as f64))
+}
+
 /// Formats a number for a message; very large and very small numbers get scientific notation.
 pub(crate) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> String {
     let size = value.into().abs();

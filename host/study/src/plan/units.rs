@@ -1,6 +1,6 @@
 //! Numbers of a robot file that are probably in another unit than their key's.
 
-use super::source::number;
+use super::source::{number, real};
 use sim::params::Robot;
 use toml::Table;
 
@@ -48,8 +48,7 @@ pub(super) fn doubts(text: &str) -> Vec<String> {
         let (head, rest) = key.split_once('.')?;
         let value = rest.split('.').try_fold(table.get(head)?, |value, key| value.get(key))?;
         let values = value.as_array().map_or(std::slice::from_ref(value), Vec::as_slice);
-        let numbers = values.iter().map(|one| one.as_float().or_else(|| Some(one.as_integer()? as f64)));
-        let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
+        let numbers: Vec<f64> = values.iter().map(real).collect::<Option<_>>()?;
         let is_usual = |value: f64| (least..=most).contains(&value.abs());
         // Of several coordinates or moments, the largest is judged.
         let largest =
@@ -62,7 +61,24 @@ pub(super) fn doubts(text: &str) -> Vec<String> {
         (!names.is_empty()).then(|| format!("{key} = {}: is that in {names}? write {written}", number(largest)))
     };
     let keys = ROWS.iter().flat_map(|(keys, usual, units)| keys.split(' ').map(move |key| (key, *usual, *units)));
-    keys.filter_map(doubt).collect()
+    keys.filter_map(doubt).chain(of_mixture(&table).unwrap_or_default()).collect()
+}
+
+/// Returns sentences about a mixture of glycerol: its temperature, and values that it replaces.
+fn of_mixture(table: &Table) -> Option<Vec<String>> {
+    let fluid = table.get("fluid")?;
+    let celsius = fluid.get("glycerol")?.get("temperature_c").and_then(real);
+    let unused = ["viscosity_pa_s", "density_kg_m3"].into_iter().filter(|key| fluid.get(key).is_some());
+    let unused = unused.map(|key| format!("fluid.{key} has no effect beside fluid.glycerol: leave one of them out"));
+    Some(unused.chain(celsius.and_then(temperature)).collect())
+}
+
+/// Returns a sentence about a temperature of glycerol that is probably not in °C.
+pub(crate) fn temperature(celsius: f64) -> Option<String> {
+    let is_usual = |celsius: f64| (5.0..=55.0).contains(&celsius);
+    let others = [("°F", (celsius - 32.0) / 1.8), ("K", celsius - 273.15)];
+    let (unit, own) = others.into_iter().find(|other| is_usual(other.1))?;
+    (!is_usual(celsius)).then(|| format!("temperature of {} °C: is that in {unit}? write {own:.1}", number(celsius)))
 }
 
 /// Returns a sentence about the radius that makes an impossible robot possible if it is halved.
@@ -109,6 +125,8 @@ mod tests {
             ("flagellum", "density_kg_m3 = 1.45", "g/cm3? write 1450"),
             ("fluid", "viscosity_pa_s = 1000", "mPa s? write 1"),
             ("fluid", "glycerol = { mass_fraction = 85, temperature_c = 20 }", "%? write 0.85"),
+            ("fluid", "glycerol = { mass_fraction = 0.85, temperature_c = 72 }", "°F? write 22.2"),
+            ("fluid", "glycerol = { mass_fraction = 0.85, temperature_c = 295.3 }", "K? write 22.2"),
             ("joint", "tether_full_nm_per_rad = 0.5006", "mN m/rad? write 0.0005006"),
             ("joint", "tether_full_nm_per_rad = 8.74e-6", "N m/deg? write 0.0005007651"),
             ("base", "gravity_m_s2 = 32.17", "ft/s2? write 9.805416"),
@@ -119,6 +137,12 @@ mod tests {
             let found = doubts(&format!("[{table}]\n{key}\n"));
             assert!(matches!(&found[..], [one] if one.contains(&format!(": is that in {said}"))), "{key}: {found:?}");
         }
+    }
+
+    #[test]
+    fn a_viscosity_beside_a_mixture_is_said_to_have_no_effect() {
+        let found = doubts("[fluid]\nviscosity_pa_s = 1.0\nglycerol = { mass_fraction = 0.85, temperature_c = 20 }\n");
+        assert!(matches!(&found[..], [one] if one.starts_with("fluid.viscosity_pa_s has no effect")), "{found:?}");
     }
 
     #[test]

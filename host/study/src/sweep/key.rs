@@ -1,5 +1,6 @@
 //! The quantity that a sweep varies: a number in the robot's file, a group, or a speed.
 
+use crate::plan::source::real;
 use sim::groups::Groups;
 use sim::params::Robot;
 use toml::Value;
@@ -115,11 +116,6 @@ pub fn value<'v>(robot: &'v Value, key: &str) -> Option<&'v Value> {
 /// Returns the number at a dotted key.
 pub fn number(robot: &Value, key: &str) -> Option<f64> {
     real(value(robot, key)?)
-}
-
-/// Returns a numeric value.
-pub fn real(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| Some(value.as_integer()? as f64))
 }
 
 /// Sets the number at an existing dotted key of the robot. An integer key takes whole numbers.

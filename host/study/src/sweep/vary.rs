@@ -4,7 +4,7 @@ use super::axis::{Axis, Range, Scale, Values};
 use super::design::{Design, MAX_POINTS};
 use super::key::{self, Group, Key};
 use super::sobol;
-use crate::plan::source::{Source, number};
+use crate::plan::source::{self, Source, number};
 use crate::plan::{PlanError, RobotFile};
 use biflag_log::similar::suggest;
 use protocol::units::CentiRpm;
@@ -186,7 +186,7 @@ fn unknown(name: &str, robot: &Value) -> (String, String) {
 fn values(entry: &Entry, design: &Design, source: &Source) -> Result<Values, PlanError> {
     let Entry { name, value, span } = entry;
     let wrong = |what: String, cure: &str| Err(source.error(span.clone(), what, cure));
-    let real = |value: &Value| key::real(value).filter(|number| number.is_finite());
+    let real = |value: &Value| source::real(value).filter(|number| number.is_finite());
     let is_sobol = matches!(design, Design::Sobol { .. });
     match value {
         Value::Array(_) if is_sobol => {

@@ -81,7 +81,8 @@ static RULES: &[Rule] = &[
         let were = if constant.len() == 1 { "was" } else { "were" };
         (!constant.is_empty()).then(|| format!("{} {were} not measured: one value in all rows", constant.join(", ")))
     }),
-    Rule::note(Conduct, "check that the table is of this trial, its unit and its instrument", |data, _| {
+    Rule::note(Conduct, "", |data, _| crate::plan::units::temperature(data.records.import.as_ref()?.temperature_c?)),
+    Rule::warning(Conduct, "check that the table is of this trial, its unit and its instrument", |data, _| {
         other_yaw(data.records.import.as_ref()?)
     }),
     Rule::note(Conduct, "state it with --uncertainty", |data, _| {
@@ -94,9 +95,12 @@ static RULES: &[Rule] = &[
 /// Describes the difference of the yaw from the recording's, if it exceeds the uncertainty.
 fn other_yaw(import: &ImportMeta) -> Option<String> {
     let rms_deg = import.clock_rms_deg?;
-    (rms_deg > import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG)).then(|| {
+    // Zero and drift take up more than a half of an error of the scale, which most of a recording's uncertainty is.
+    let of_trial_deg = 0.6 * import.trial_yaw_uncertainty_deg?;
+    let u_deg = [import.yaw_uncertainty_deg.unwrap_or(UNKNOWN_DEG), of_trial_deg];
+    (rms_deg * rms_deg > u_deg[0] * u_deg[0] + u_deg[1] * u_deg[1]).then(|| {
         format!(
-            "its yaw differs from that of {} by {rms_deg:.2}° RMS, more than its uncertainty, also without zero, drift and clock",
+            "its yaw differs from that of {} by {rms_deg:.2}° RMS, more than both uncertainties explain, also without zero, drift and clock",
             import.trial
         )
     })
