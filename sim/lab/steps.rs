@@ -33,19 +33,10 @@ const REPEATS: u32 = 3;
 const RANDOM_S: f64 = 160.0;
 const SEED: u64 = 7;
 
-const POINTS: [[f64; 2]; 12] = [
-    [50.0, 10.0],
-    [90.0, 90.0],
-    [-90.0, 90.0],
-    [0.0, 45.0],
-    [90.0, 60.0],
-    [60.0, 20.0],
-    [-50.0, -30.0],
-    [-80.0, -20.0],
-    [-90.0, -80.0],
-    [-90.0, -90.0],
-    [-60.0, -60.0],
-    [-30.0, -90.0],
+/// Speeds of flagella 1 and 2 at each point, rpm.
+const POINTS: [f64; 24] = [
+    50.0, 10.0, 90.0, 90.0, -90.0, 90.0, 0.0, 45.0, 90.0, 60.0, 60.0, 20.0, -50.0, -30.0, -80.0, -20.0, -90.0, -80.0,
+    -90.0, -90.0, -60.0, -60.0, -30.0, -90.0,
 ];
 
 /// Thrusts (N), yaw, pitch and roll (degrees), and whether rods touch.
@@ -148,10 +139,10 @@ fn random(robot: &Robot, count: u64) {
         .collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     let outside = rows.iter().filter(|row| row.1).count();
-    let settled = rows.len();
-    let (Some((median, ..)), Some((worst, _, rpm))) = (rows.get(settled / 2), rows.last()) else { return };
+    let (Some((median, ..)), Some((worst, _, rpm))) = (rows.get(rows.len() / 2), rows.last()) else { return };
     println!(
-        "{count} pairs, {settled} settled, {outside} with an angle outside its ±; largest error of an angle: median {median:.3}, worst {worst:.3} deg at {rpm:?} rpm"
+        "{count} pairs, {} settled, {outside} with an angle outside its ±; largest error of an angle: median {median:.3}, worst {worst:.3} deg at {rpm:?} rpm",
+        rows.len()
     );
 }
 
@@ -170,7 +161,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let points = match arguments.as_slice() {
         [one, two, ..] => vec![[one.parse()?, two.parse()?]],
-        _ => POINTS.to_vec(),
+        _ => POINTS.as_chunks().0.to_vec(),
     };
     let name = arguments.get(2).map_or("published", String::as_str);
     let robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;

@@ -16,6 +16,9 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 /// Size above which an entry needs the long form of a ZIP.
 const LONG: u64 = u32::MAX as u64;
 
+/// Endings of the names of files that are compressed already.
+const PACKED: [&str; 9] = ["mcap", "jpg", "jpeg", "png", "pdf", "mp4", "webm", "gif", "zip"];
+
 /// Size and SHA-256 of a file.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) struct Sum {
@@ -60,7 +63,8 @@ pub(super) fn write(entries: &[Entry], sums: &[Sum], out: &Path) -> miette::Resu
     let mut zip = ZipWriter::new(BufWriter::new(draft.file.try_clone().map_err(writing)?));
     for (index, entry) in entries.iter().enumerate() {
         let size = entry.file.metadata().map_err(reading(&entry.file))?.len();
-        let method = if entry.is_compressed() { CompressionMethod::Stored } else { CompressionMethod::Deflated };
+        let method =
+            if PACKED.contains(&entry.extension()) { CompressionMethod::Stored } else { CompressionMethod::Deflated };
         // Files have no time: it would mean nothing for generated files, and the logs contain their own.
         let options = SimpleFileOptions::default()
             .compression_method(method)

@@ -45,12 +45,8 @@ impl Entry {
         }
     }
 
-    /// Returns whether it is compressed already.
-    pub fn is_compressed(&self) -> bool {
-        matches!(self.extension(), "mcap" | "jpg" | "jpeg" | "png" | "pdf" | "mp4" | "webm" | "gif" | "zip")
-    }
-
-    fn extension(&self) -> &str {
+    /// Returns the part of its name behind the last point.
+    pub fn extension(&self) -> &str {
         self.name.rsplit_once('.').map_or("", |(_, extension)| extension)
     }
 }

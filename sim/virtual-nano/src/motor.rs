@@ -200,16 +200,12 @@ impl Motor {
             Drive::Voltage(fraction) => Some(sense * self.driven * fraction),
             Drive::Pulses { share, hz } => {
                 let way = (sense * share).signum();
-                let own = way * self.own_voltage();
+                // Its own voltage (back EMF), as a fraction of the nominal supply.
+                let own = way * (self.speed_rpm / self.full_rpm() * (1.0 - self.parameters.dead_zone));
                 Some(way * (own + self.pulsed_current(own, share.abs(), hz)))
             }
             _ => None,
         }
-    }
-
-    /// Returns its own voltage (back EMF), as a fraction of the nominal supply.
-    fn own_voltage(&self) -> f64 {
-        self.speed_rpm / self.full_rpm() * (1.0 - self.parameters.dead_zone)
     }
 
     /// Returns the mean current of pulses, as a fraction of the blocked motor's current at the nominal supply. `own`: its own

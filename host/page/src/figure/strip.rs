@@ -49,7 +49,8 @@ pub(super) fn draw(
         for solid in picture {
             let haze = HAZE * (solid.away_m - near) / (far - near).max(f64::MIN_POSITIVE);
             let thickness = 2.0 * solid.radius * scale;
-            sheet.rod([at(solid.from), at(solid.to)], thickness, solid.is_round, lighter(solid.colour, haze));
+            let colour = solid.colour.map(|part| (f64::from(part) + (255.0 - f64::from(part)) * haze).round() as u8);
+            sheet.rod([at(solid.from), at(solid.to)], thickness, solid.is_round, colour);
         }
         let [yaw, pitch, _] = moving.angles_deg(*time_s);
         let texts = [format!("{} s", decimal(time_s - zeroed.run.start, 1))];
@@ -72,9 +73,4 @@ fn bounds<'a>(all: impl Iterator<Item = &'a Seen>) -> [[f64; 2]; 2] {
         }
     }
     bounds
-}
-
-/// Returns a colour with this share of white.
-fn lighter(colour: [u8; 3], white: f64) -> [u8; 3] {
-    colour.map(|part| (f64::from(part) + (255.0 - f64::from(part)) * white).round() as u8)
 }

@@ -147,12 +147,6 @@ impl Bench {
         followed
     }
 
-    /// Returns the rate error of the emulated board's clock. The board runs at its own speed, so the error cannot be measured. It
-    /// would otherwise be part of the sensor's scale, and a trial in real time would correct it a second time.
-    pub fn emulated_clock_error(&self) -> f64 {
-        self.nano.as_ref().map_or(0.0, |nano| nano.sensor.board_clock_error)
-    }
-
     /// Writes the file of the sensor, and the scales of the gyroscope to the board.
     fn save(&self) -> miette::Result<Kept> {
         self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?;

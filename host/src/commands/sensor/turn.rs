@@ -65,7 +65,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let instruction = instruction(step, &plan, watch.count());
         Ok(Told { instruction, figures: figures(step), is_done: step == TurnStep::Done })
     })?;
-    let clock_error = followed.clock_error.unwrap_or_else(|| bench.emulated_clock_error());
+    // The emulated board runs at its own speed, so the error of its clock cannot be measured. It would otherwise be part of the
+    // sensor's scale, and a trial in real time would correct it a second time.
+    let of_emulated = bench.nano.as_ref().map(|nano| nano.sensor.board_clock_error);
+    let clock_error = followed.clock_error.or(of_emulated).unwrap_or(0.0);
     let result = watch.result(args.reference, &bench.file, clock_error)?;
     result.enter(axis, &mut bench.file);
     finish(&mut bench, described(&result, &plan), &followed)

@@ -49,7 +49,7 @@ pub(super) fn correct(mut data: Data) -> Data {
     scale(&mut data.motors, true_s);
     scale(&mut data.truth, true_s);
     scale(&mut data.forces, true_s);
-    data.shapes.scale_times(true_s);
+    data.shapes.all.iter_mut().for_each(|shape| shape.time_s *= true_s);
     data.readings.iter_mut().for_each(|(time, _)| *time *= true_s);
     data.events.iter_mut().for_each(|event| event.time_s *= true_s);
     data.phases.iter_mut().for_each(|(_, time)| *time *= true_s);

@@ -49,11 +49,6 @@ impl Shapes {
         self.all.is_empty()
     }
 
-    /// Multiplies all times by a factor.
-    pub(super) fn scale_times(&mut self, factor: f64) {
-        self.all.iter_mut().for_each(|shape| shape.time_s *= factor);
-    }
-
     /// Adds the centre lines at one time, and the angles of both shafts. Invalid or unequal lines are ignored.
     pub fn push(&mut self, time_s: f64, turns: [f64; 2], lines: [Vec<[f64; 3]>; 2]) {
         if self.most == 0 || self.all.last().is_some_and(|last| time_s < last.time_s + self.least_s - 1e-6) {

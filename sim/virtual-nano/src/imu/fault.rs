@@ -63,8 +63,8 @@ pub enum Data {
 #[derive(Debug, Default)]
 pub struct Faults {
     waiting: Vec<Fault>,
-    /// The part does not respond to the rest of this transaction.
-    silent: bool,
+    /// The part does not respond to the rest of this transaction, until a START after a STOP.
+    pub silent: bool,
     gone: bool,
     /// SDA is held; pulses left, `None` for ever.
     held: Option<Option<u8>>,
@@ -82,11 +82,6 @@ impl Faults {
             Fault::Data(data) => (self.data, self.struck) = (data, self.struck + 1),
             other => self.waiting.push(other),
         }
-    }
-
-    /// Begins a transaction, with a START after a STOP.
-    pub fn begin_transaction(&mut self) {
-        self.silent = false;
     }
 
     /// Returns whether SDA is held low.

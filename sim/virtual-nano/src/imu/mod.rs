@@ -155,7 +155,7 @@ impl Mpu6050 {
             self.in_transaction = true;
             self.byte = 0;
             self.count.transactions += 1;
-            self.faults.begin_transaction();
+            self.faults.silent = false;
         }
         self.phase = Phase::Unselected;
         self.time_s = time_s;

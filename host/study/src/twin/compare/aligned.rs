@@ -72,11 +72,6 @@ impl Aligned {
     pub fn share(&self) -> f64 {
         self.errors(0).count() as f64 / self.in_run.len().max(1) as f64
     }
-
-    /// Subtracts whole turns from the modelled yaw.
-    pub fn turn_back(&mut self, turns: f64) {
-        self.modelled_deg.iter_mut().for_each(|deg| deg[0] -= 360.0 * turns);
-    }
 }
 
 fn angles(side: &Side, times_s: &[f64], shift_s: f64) -> Vec<[f64; 3]> {

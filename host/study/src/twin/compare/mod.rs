@@ -104,7 +104,7 @@ pub fn compare(a: &Judged, b: &Judged, on_mismatch: OnMismatch) -> Result<Compar
     if turns != 0.0 {
         warnings.push(format!("the yaw is assumed to have made {turns} full turns in a gap of the log"));
         steady.modelled_deg[0] -= 360.0 * turns;
-        aligned.turn_back(turns);
+        aligned.modelled_deg.iter_mut().for_each(|deg| deg[0] -= 360.0 * turns);
     }
     warnings.extend(frame::cause(&pair, &aligned));
     let points = points(&pair.measured, &aligned);
