@@ -19,7 +19,7 @@ pub enum LiveError {
     #[error("viewers cannot be served at {address}: {reason}")]
     #[diagnostic(
         code(wrong_use),
-        help("name an address of this computer on a port above 1023, such as 127.0.0.1:8765")
+        help("name an address of this computer with a port above 1023, such as 127.0.0.1:8765")
     )]
     Address { address: SocketAddr, reason: String },
 }

@@ -62,7 +62,7 @@ pub enum PreflightError {
     Clipped { count: u16 },
     /// The plan sets starting angles, but the board does not know its angles.
     #[error(
-        "the board on {port} does not know the angles of its flagella, and the plan sets those at which they start"
+        "the board on {port} does not know the angles of its flagella, and the plan sets the angles at which they start"
     )]
     #[diagnostic(help("bring both flagella to their marks with `biflag align --port {port}`"))]
     AnglesUnknown { port: String },

@@ -73,7 +73,7 @@ pub fn table(trial: &Judged) -> Table {
             columns.push(rows.real(column.name, about, |row| row.forces[k]));
         }
     }
-    if !data.truth.is_empty() {
+    if data.truth.interval_s().is_some() {
         for (k, field) in TRUTH.iter().enumerate() {
             columns.push(rows.real(field.name, field.about, |row| row.truth.map(|truth| truth[k])));
         }

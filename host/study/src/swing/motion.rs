@@ -41,9 +41,9 @@ impl Motion {
     /// readings.
     pub fn of(angles_deg: &Columns<3>, part_s: Range<f64>) -> Option<Self> {
         let start_s = part_s.start.max(part_s.end - LONGEST_S);
-        let at = [start_s, part_s.end].map(|end_s| angles_deg.time_s.partition_point(|t| *t < end_s));
-        let time_s = &angles_deg.time_s[at[0]..at[1]];
-        let turned = turned(angles_deg.values.each_ref().map(|angle| &angle[at[0]..at[1]]));
+        let [first, end] = [start_s, part_s.end].map(|at_s| angles_deg.time_s.partition_point(|t| *t < at_s));
+        let time_s = &angles_deg.time_s[first.min(end)..end];
+        let turned = turned(angles_deg.values.each_ref().map(|angle| &angle[first.min(end)..end]));
         INTERVALS_S.into_iter().find_map(|interval_s| {
             let count = ((part_s.end - start_s) / interval_s).floor().max(0.0) as usize;
             if (count as f64) * interval_s < SHORTEST_S {
