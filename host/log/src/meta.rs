@@ -314,6 +314,8 @@ pub struct ImportMeta {
     pub left_out: u64,
     /// Quantities that were not measured: they have one value in all rows.
     pub constant: Vec<String>,
+    /// Whether the speeds or turns of the motors were measured: by the table, or by the recording of the same trial.
+    pub has_motors: bool,
     /// 95 % uncertainty of the instrument's yaw, degrees.
     pub yaw_uncertainty_deg: Option<f64>,
     /// The same for its pitch and roll.
@@ -332,13 +334,6 @@ pub struct ImportMeta {
     pub clock_rate_ppm: Option<f64>,
     /// Difference between the table's and the recorded yaw after removing clock, zero and drift, degrees RMS.
     pub clock_rms_deg: Option<f64>,
-}
-
-impl ImportMeta {
-    /// Returns whether the motors' speeds or turns were measured: by columns of the table, or by the recording of the same trial.
-    pub fn has_motors(&self) -> bool {
-        self.clock_offset_s.is_some() || self.columns.contains("turns1=") || self.columns.contains("w1=")
-    }
 }
 
 /// The recording that a replay was made from.

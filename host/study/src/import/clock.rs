@@ -120,6 +120,7 @@ impl Beside {
             trial: name.clone(),
             trial_yaw_uncertainty_deg: angles.angles().and_then(|angles| angles.yaw_uncertainty_deg),
             trial_sha256: recording.sha256.clone().unwrap_or_default(),
+            has_motors: true,
             clock_offset_s: Some(clock.offset_s),
             clock_rate_ppm: Some(clock.rate_ppm),
             clock_rms_deg: Some(clock.rms_deg),

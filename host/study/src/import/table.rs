@@ -91,7 +91,8 @@ impl States {
         if (0..3).any(|k| !is_constant(&k) && is_next(k)) {
             return Err(ImportError::table(table, "two of its angles are the same in all rows", "name another column"));
         }
-        Ok(Self { rows, about: ImportMeta { constant, ..ImportMeta::default() } })
+        let has_motors = rows.iter().all(|row| row.turns.is_some() || row.speed_rpm.is_some());
+        Ok(Self { rows, about: ImportMeta { constant, has_motors, ..ImportMeta::default() } })
     }
 }
 

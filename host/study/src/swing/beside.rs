@@ -1,50 +1,35 @@
 //! Two motions of one robot: by how much one is turned, leans or swings beside the other.
 
-use super::causes::{Cause, SLOWEST_RPM};
-use super::fit::{angle_deg, size};
+use super::causes::SLOWEST_RPM;
+use super::fit::{Complex, angle_deg, size};
 use super::lines::Fitter;
 use super::motion::Motion;
-use super::score::off_deg;
-use super::{Doubts, Labelled, NEAR_LEFT, Readings, is_near};
-use crate::attitude::wrapped;
+use super::{Doubts, Labelled, Readings, is_near};
 use sim::functions::{exp, ln};
 
-/// Largest difference of two motors' estimates of the turn of a frame that agree, degrees.
-const AGREED_DEG: f64 = 30.0;
-
 /// Least mean tilt whose direction is judged, degrees: phases of the flagella tilt a robot by two.
-pub const LEAN_DEG: f64 = 3.0;
+const LEAN_DEG: f64 = 3.0;
 
 /// Number of beats of both motors that a mean swing needs.
 const BEATS: f64 = 2.0;
 
-/// A side (forwards or backwards) lacks a motor if its power relative to the other side is less than the model's by this factor.
-const SIDED: f64 = 8.0;
-
-/// Least share of the power on a side to which a motor turns.
-const LEAST_SIDE: f64 = 0.25;
-
 /// A swing that is larger or smaller than another by this factor has another scale.
 const SCALED: f64 = 1.5;
 
-/// Returns the angle by which the body's x and y axes are turned about its z axis between two motions of one robot, degrees;
-/// `None` if the motors disagree, or their lines overlap.
+/// Returns the angle by which the body's x and y axes are turned about its z axis between two motions of one robot, degrees, mostly
+/// that of the motor that swings it more; `None` if the lines of both motors fall together.
 pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
-    let off = |trial: &Labelled| {
-        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())?;
+    let phases = |trial: &Labelled| {
+        let motion = Motion::of(trial.angles_deg, trial.settled_s.clone())
+            .filter(|motion| !Doubts::of(trial, motion).are_alike)?;
         let (_, fit) = Readings { fitter: &Fitter::new(&motion), trial }.at(trial.rpm, 3)?;
-        let is_told = |k: usize| trial.rpm[k].abs() >= SLOWEST_RPM;
-        let is_clear = fit.left.iter().all(|left| *left < NEAR_LEFT);
-        let lines = [0, 1].map(|k| fit.motor(k).filter(|_| is_told(k) && is_clear).map(|line| off_deg(line, k)));
-        (0..2).all(|k| lines[k].is_some() == is_told(k)).then_some(lines)
+        let phase = |k: usize| fit.motor(k).map(|line| line.about_z * line.turns.conj());
+        let is_told = |k: &usize| trial.rpm[*k].abs() >= SLOWEST_RPM;
+        (0..2).filter(is_told).map(phase).collect::<Option<Vec<Complex>>>()
     };
-    let (one, other) = (off(one)?, off(other)?);
-    let turned = [0, 1].map(|k| Some(wrapped(other[k]? - one[k]?)));
-    match turned {
-        [Some(a), Some(b)] => (wrapped(b - a).abs() < AGREED_DEG).then(|| wrapped(a + wrapped(b - a) / 2.0)),
-        [Some(a), None] | [None, Some(a)] => Some(a),
-        [None, None] => None,
-    }
+    let (one, other) = (phases(one)?, phases(other)?);
+    let turn: Complex = one.iter().zip(&other).map(|(one, other)| other * one.conj()).sum();
+    (turn != Complex::default()).then(|| angle_deg(turn, Complex::from(1.0)))
 }
 
 /// Returns the angle by which the mean tilt is turned about the vertical between two motions of one robot, degrees; `None` if one
@@ -52,37 +37,6 @@ pub fn turned_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
 pub fn leans_deg(one: &Labelled, other: &Labelled) -> Option<f64> {
     let [one, other] = [one.lean_deg()?, other.lean_deg()?];
     (size(one).min(size(other)) > LEAN_DEG).then(|| angle_deg(other, one))
-}
-
-/// Returns the causes if the swing at nearly equal speeds lacks a side that the swing of the robot's model has; `None` if it
-/// lacks none, or if the motion does not show it. Only their senses distinguish motors of nearly equal speeds.
-pub fn other_sides(model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
-    let motion = Motion::of(own.angles_deg, own.settled_s.clone())?;
-    let doubts = Doubts::of(own, &motion);
-    if doubts.is_noisy || own.rpm.iter().any(|rpm| rpm.abs() < SLOWEST_RPM) {
-        return None;
-    }
-    let sides = |motion: &Motion| {
-        let reach_rpm = own.fastest_rpm() * own.off.0 + own.off.1;
-        let slowest_rpm = own.rpm[0].abs().min(own.rpm[1].abs());
-        Fitter::new(motion).sides((slowest_rpm - reach_rpm) / 60.0..(own.fastest_rpm() + reach_rpm) / 60.0)
-    };
-    let expected = sides(&Motion::of(model.angles_deg, model.settled_s.clone())?);
-    let turned = sides(&motion);
-    let falls_short = |side: usize| turned[side] * expected[1 - side] * SIDED < expected[side] * turned[1 - side];
-    let weak = (0..2).find(|&side| falls_short(side))?;
-    let of_one = |k: usize| Cause::Sign([k == 0, k == 1]);
-    let motors: Vec<usize> = (0..2).filter(|&k| (own.rpm[k] > 0.0) == (weak == 0)).collect();
-    match motors[..] {
-        [k] => Some(vec![Cause::Stands(k), of_one(k)]),
-        // Two motors of one sense whose lines fall together may swing against each other.
-        [one, other]
-            if !is_near(own.rpm, motion.length_s) && turned[1 - weak] > LEAST_SIDE * (turned[0] + turned[1]) =>
-        {
-            Some(vec![of_one(one), of_one(other)])
-        }
-        _ => None,
-    }
 }
 
 /// The angles whose swing has another size than expected.

@@ -1,7 +1,8 @@
 //! A trial whose label, its stated speeds, is tested by its motion.
 
+use super::balance::Balance;
 use super::causes::Cause;
-use super::fit::{Complex, size};
+use super::fit::Complex;
 use super::lines::MIXED;
 use super::score::beside_the_other;
 use crate::attitude::Columns;
@@ -30,6 +31,8 @@ pub struct Labelled<'a> {
     pub told_rpm: Option<[f64; 2]>,
     /// Whether only the yaw was measured.
     pub has_yaw_alone: bool,
+    /// The steady attitude, if it is known and settled.
+    pub balance: Option<Balance>,
 }
 
 impl Labelled<'_> {
@@ -68,11 +71,6 @@ impl Labelled<'_> {
     /// Returns whether a motor's speed is within the error of a right label.
     pub(super) fn is_near(&self, rpm: [f64; 2], k: usize) -> bool {
         (rpm[k] - self.rpm[k]).abs() <= self.error_rpm(k)
-    }
-
-    /// Returns the size of the mean tilt, degrees.
-    pub fn leans_by_deg(&self) -> Option<f64> {
-        self.lean_deg().map(size)
     }
 
     /// Returns the mean pitch and roll.

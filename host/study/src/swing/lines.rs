@@ -6,7 +6,6 @@ use crate::attitude::Columns;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::functions::{atan2, cos, sin_cos};
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 /// Integer combinations of the two frequencies, one of each pair of opposite ones.
 pub const MIXED: [[i32; 2]; 12] =
@@ -107,14 +106,6 @@ impl<'a> Fitter<'a> {
             minus.norm_sqr() / plane,
             2.0 * z.norm_sqr() / (count as f64 * self.square[2] + 1e-12),
         ]
-    }
-
-    /// Returns the power that turns forwards in a range of frequencies, and the power that turns backwards.
-    pub fn sides(&self, hz: Range<f64>) -> [f64; 2] {
-        let step = 0.5 / self.motion.length_s;
-        let count = ((hz.end - hz.start) / step).ceil() as usize + 2;
-        let powers = (0..=count).map(|i| self.power(hz.start + (i as f64 - 1.0) * step, &self.rates));
-        powers.fold([0.0; 2], |sum, [forwards, backwards, _]| [sum[0] + forwards, sum[1] + backwards])
     }
 
     /// Returns the signed frequency with the most power within a reach of this one.

@@ -4,6 +4,7 @@
 //! phase of the line about z, relative to the one in the plane, distinguishes the motors. [`SwingSpeeds`] are estimated from the
 //! motion alone. [`label`] tests whether the speeds of a label explain it better than the speeds of any usual mistake.
 
+mod balance;
 mod beside;
 mod blind;
 mod causes;
@@ -15,7 +16,8 @@ mod score;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use beside::{LEAN_DEG, Scaled, leans_deg, other_sides, scaled, turned_deg};
+pub use balance::{Balance, PerRpm};
+pub use beside::{Scaled, leans_deg, scaled, turned_deg};
 pub use blind::{NO_LINE, SwingSpeeds, speed_alone};
 pub use causes::Cause;
 pub use labelled::Labelled;
@@ -160,9 +162,15 @@ pub fn label(trial: &Labelled) -> Label {
         return Label::NotJudged("noise hides the swing of slow motors");
     }
     let better = readings.better_than(score, &doubts);
+    let by_balance = readings.by_balance(score);
     let is_own = |rpm: f64| found.first().is_some_and(|f| is_near([60.0 * f, rpm.abs()], doubts.length_s));
     match better[..] {
         [] if fastest_rpm < SLOWEST_RPM => Label::NotJudged("both motors are slow"),
+        _ if !by_balance.is_empty() => {
+            let mut causes = said(&better);
+            causes.extend(by_balance.into_iter().filter(|cause| !better.iter().any(|(_, other, _)| other == cause)));
+            Label::Wrong(causes)
+        }
         [] if let Some(causes) = own.and_then(|own| otherwise_at_the_end(trial, &own, &found, &doubts)) => {
             Label::Wrong(causes)
         }
@@ -222,7 +230,7 @@ type Better = (f64, Cause, [f64; 2]);
 
 /// Returns the causes to name, from causes sorted by their leads.
 fn said(better: &[Better]) -> Vec<Cause> {
-    let best: Vec<&Better> = better.iter().filter(|other| other.0 > better[0].0 - ALIKE).collect();
+    let best: Vec<&Better> = better.iter().take_while(|other| other.0 > better[0].0 - ALIKE).collect();
     let is_other = |cause: Cause| matches!(cause, Cause::Other(_));
     // A usual mistake is more informative than its speeds.
     let is_usual = |rpm: [f64; 2]| {
@@ -290,6 +298,22 @@ impl Readings<'_> {
         let mut exact: Vec<Better> = exact.collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
         exact
+    }
+
+    /// Returns the senses, or the motor that stands, that explain a steady attitude which contradicts the label, and that the motion
+    /// does not contradict.
+    fn by_balance(&self, label: f64) -> Vec<Cause> {
+        let trial = self.trial;
+        let told = trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm));
+        let Some(balance) = trial.balance.filter(|balance| !told && balance.contradicts(trial.rpm)) else {
+            return vec![];
+        };
+        let is_likely = |(cause, rpm): &(Cause, [f64; 2])| {
+            matches!(cause, Cause::Sign(_) | Cause::Stands(_))
+                && !balance.contradicts(*rpm)
+                && self.at(*rpm, 3).is_some_and(|(score, _)| score > label - MARGIN)
+        };
+        causes::causes(trial.rpm).into_iter().filter(is_likely).map(|(cause, _)| cause).collect()
     }
 
     /// Returns a cause if it explains the motion better than the label by its margin.

@@ -116,7 +116,23 @@ impl Trace {
         let off = if self.is_import { (0.03, 0.3) } else { (0.012, 0.1) };
         let touches = Robot::default().flagellum.mesh(rpm);
         let told_rpm = blind::speeds(&self.angles_deg, settled_s.clone(), None).ok().and_then(|told| told.rpm());
-        label(&Labelled { angles_deg: &self.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone: false })
+        let mut trial = Labelled {
+            angles_deg: &self.angles_deg,
+            settled_s,
+            rpm,
+            off,
+            touches,
+            told_rpm,
+            has_yaw_alone: false,
+            balance: None,
+        };
+        trial.balance = Some(Balance {
+            yaw_deg: self.angles_deg.tracks()[0].mean(trial.settled_s.clone()).unwrap(),
+            tilt_deg: size(trial.lean_deg().unwrap()),
+            off_deg: 0.0,
+            per_rpm: PerRpm::of(&Robot::default()).unwrap(),
+        });
+        label(&trial)
     }
 
     /// Returns the ratio of the mean speed to the nominal one.
@@ -262,6 +278,7 @@ fn motors_that_wander_apart_are_told_alone_and_near_a_label() {
         touches: false,
         told_rpm: None,
         has_yaw_alone: false,
+        balance: None,
     };
     for near in [None, Some(&label)] {
         let speeds = blind::speeds(&angles_deg, SETTLING_S..60.0, near).unwrap();

@@ -2,12 +2,11 @@
 //! time constant; and the largest tilt of a run.
 
 use super::data::Data;
+use crate::swing::PerRpm;
 use biflag_log::RestMeta;
 use sim::functions::{asin, exp};
 use sim::params::Robot;
-use sim::resistance::resistance;
 use sim::return_to_rest::TimeConstants;
-use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -47,32 +46,28 @@ const LARGEST_DEG: f64 = 80.0;
 /// Returns the largest tilt of a robot, degrees, at which the righting moment of its weight balances the moment of both thrusts
 /// at the fastest speed on the levers of their shafts ([`mod@resistance`]); `None` if its file is invalid.
 pub(super) fn largest_tilt_deg(robot: &Robot) -> Option<f64> {
+    let sine = MORE * FASTEST_RPM * righting(robot).1?.tilt_deg.map(|deg| deg.to_radians().abs()).iter().sum::<f64>();
+    Some(asin(sine.min(1.0)).to_degrees().min(LARGEST_DEG))
+}
+
+/// Returns the steady yaw and tilt of a robot per rpm of each motor with rigid flagella; `None` if its file is invalid.
+pub(super) fn per_rpm(robot: &Robot) -> Option<PerRpm> {
     righting(robot).1
 }
 
-/// The time constants of a robot, and its largest tilt.
-type Righting = (Option<TimeConstants>, Option<f64>);
+/// The time constants of a robot, and its steady attitude per rpm.
+type Righting = (Option<TimeConstants>, Option<PerRpm>);
 
 fn righting(robot: &Robot) -> Righting {
     let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
     match &*last {
         Some((known, righting)) if known == robot => *righting,
-        _ => last.insert((robot.clone(), (TimeConstants::of(robot).ok(), tilt_of_thrusts_deg(robot)))).1,
+        _ => last.insert((robot.clone(), (TimeConstants::of(robot).ok(), PerRpm::of(robot)))).1,
     }
 }
 
 /// The last robot and its righting: the trials of a session have one robot.
 static LAST: Mutex<Option<(Robot, Righting)>> = Mutex::new(None);
-
-fn tilt_of_thrusts_deg(robot: &Robot) -> Option<f64> {
-    let base = &robot.base;
-    let matrix = resistance(robot, &[0.0; 2]).ok()?.matrix;
-    let thrusts_n: f64 =
-        [1, 2].map(|part| matrix[(6 * part + 2, 6 * part + 5)].abs()).iter().sum::<f64>() * FASTEST_RPM * PI / 30.0;
-    let righting_nm = base.mass_kg * base.gravity_m_s2 * base.mass_centre_below_joint_m;
-    let sine = MORE * thrusts_n * 0.5 * base.motor_distance_m / righting_nm;
-    Some(asin(sine.min(1.0)).to_degrees().min(LARGEST_DEG))
-}
 
 #[cfg(test)]
 mod tests {

@@ -4,13 +4,14 @@
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, tilt_deg, wrapped};
 use crate::swing::{
-    Cause, LEAN_DEG, Label, Labelled, PIECE_S, Scaled, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg,
-    other_sides, scaled, turned_deg,
+    Balance, Cause, Label, Labelled, PIECE_S, Scaled, Swing as Swings, SwingSpeeds, WANDER, label, leans_deg, scaled,
+    turned_deg,
 };
 use crate::text::{decimal, either};
 use crate::trial::angles::{Steady, settled_s};
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::{Swing, Upright};
+use crate::trial::righting::per_rpm;
 use crate::trial::zero::Zeroed;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
@@ -85,7 +86,16 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
     // Without encoders, this runs while the speeds are measured.
     let told = if data.is_blind() { steady.measured.get() } else { Some(steady.measured(&zeroed.angles_deg)) };
     let told_rpm = told.and_then(SwingSpeeds::rpm);
-    Ok(Labelled { angles_deg: &zeroed.angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone })
+    Ok(Labelled {
+        angles_deg: &zeroed.angles_deg,
+        settled_s,
+        rpm,
+        off,
+        touches,
+        told_rpm,
+        has_yaw_alone,
+        balance: None,
+    })
 }
 
 /// Returns the speeds of motors without encoders, from the swing alone, or else from the swing near the commanded speeds.
@@ -102,47 +112,29 @@ fn judged(data: &Data, zeroed: &Zeroed) -> Result<Label, &'static str> {
     if frame::is_wrong(data, zeroed) {
         return Err("the frame of the angles is not that of the body");
     }
-    let own = labelled(data, zeroed)?;
-    Ok(match label(&own) {
-        Label::Right if own.is_vague() => {
-            let found = |model: &Labelled, own: &Labelled| {
-                let is_same = |other: &Labelled| other_sides(other, own).is_some();
-                let sides = other_sides(model, own).filter(|_| is_of_any_stiffness(data, model, is_same));
-                sides.or_else(|| as_of_one_motor(data, zeroed, model, own))
-            };
-            by_model(data, zeroed, &own, found).map_or(Label::Right, Label::Wrong)
-        }
-        other => other,
-    })
+    Ok(label(&Labelled { balance: balance(data, zeroed), ..labelled(data, zeroed)? }))
 }
 
-/// Returns the causes if an import leans as a robot of which one motor turns, though its label has nearly equal speeds of one sense.
-fn as_of_one_motor(data: &Data, zeroed: &Zeroed, model: &Labelled, own: &Labelled) -> Option<Vec<Cause>> {
+/// Returns the steady attitude of a trial, if it settled and has a zero.
+fn balance(data: &Data, zeroed: &Zeroed) -> Option<Balance> {
+    let angles = zeroed.angles().filter(|_| !zeroed.rest.is_missing)?;
+    zeroed.steady.as_ref().filter(|steady| steady.settled)?;
+    let per_rpm = per_rpm(&data.robot().ok()?)?;
     // An instrument's frame that is askew leans by twice its tilt at rest at most.
-    let own_deg = own.leans_by_deg()? - 2.0 * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
-    let is_upright = |other: &Labelled| other.leans_by_deg().is_some_and(|deg| deg < LEAN_DEG);
-    let is_likely = !zeroed.rest.is_missing && own_deg > LEAN_DEG && is_upright(model);
-    zeroed.steady.as_ref().filter(|steady| is_likely && steady.settled)?;
-    let alone_deg = modelled(data.robot().ok()?, [own.rpm[0], 0.0], 1.0)?;
-    let alone = Labelled { angles_deg: &alone_deg, ..model.clone() };
-    let causes = [[true, false], [false, true]].map(Cause::Sign).into_iter().chain([0, 1].map(Cause::Stands));
-    (own_deg > alone.leans_by_deg()? / 2.0 && is_of_any_stiffness(data, model, is_upright)).then(|| causes.collect())
+    let askew = if data.records.import.is_some() { 2.0 } else { 0.0 };
+    let off_deg = askew * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    Some(Balance { yaw_deg: angles.yaw_deg, tilt_deg: angles.tilt_deg, off_deg, per_rpm })
 }
 
-/// Compares the swing of an import with the swing of its robot's model.
-fn by_model<T>(
-    data: &Data,
-    zeroed: &Zeroed,
-    own: &Labelled,
-    ask: impl Fn(&Labelled, &Labelled) -> Option<T>,
-) -> Option<T> {
+/// Returns the motion of an import's robot model with the import's speeds.
+fn model<'a>(data: &Data, zeroed: &'a Zeroed, own: &Labelled<'a>) -> Option<Labelled<'a>> {
     // A flagellum that wraps beside one that stands bends as the latter stands, which an import does not know.
     let other_rpm = [0, 1].map(|k| if own.rpm[k] == 0.0 { own.rpm[1 - k] } else { own.rpm[k] });
-    if data.records.import.is_none() || data.robot().ok()?.flagellum.mesh(other_rpm) {
+    if !own.touches && data.robot().ok()?.flagellum.mesh(other_rpm) {
         return None;
     }
     let angles_deg = zeroed.steady.as_ref()?.modelled.get_or_init(|| modelled(data.robot().ok()?, own.rpm, 1.0));
-    ask(&Labelled { angles_deg: angles_deg.as_ref()?, settled_s: MODELLED_S, ..own.clone() }, own)
+    Some(Labelled { angles_deg: angles_deg.as_ref()?, settled_s: MODELLED_S, ..own.clone() })
 }
 
 fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
@@ -171,7 +163,8 @@ fn other_swing(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static 
             };
             Ok(Some(format!("{which}, and would at {at}, once a turn of each flagellum: {why}")))
         }
-        Label::Right => Ok(unlike_its_model(data, zeroed)),
+        Label::Right if data.records.import.is_none() => Ok(None),
+        Label::Right => unlike_its_model(data, zeroed),
         Label::NotJudged(why) => Err(why),
     }
 }
@@ -182,62 +175,69 @@ const MODELLED_S: Range<f64> = 10.0..30.0;
 /// Edges per turn of the model's flagella: more do not change the directions.
 const EDGES: f64 = 15.0;
 
-/// Largest turn of a swing relative to its model's that another stiffness explains, and largest difference from the turn that a
-/// cause explains, degrees.
-const TURNED_DEG: f64 = 45.0;
-const NEAR_DEG: f64 = 35.0;
+/// Largest turn of a swing relative to its model's of an import in the right frame, and least turn of a wrong one, degrees.
+const TURNED_DEG: (f64, f64) = (30.0, 45.0);
+
+/// Largest differences of a turn from that of a model of another stiffness or that of a cause, and from a quarter or a half turn,
+/// degrees.
+const NEAR_DEG: (f64, f64) = (35.0, 55.0);
 
 /// Describes an error of an import's angles that the directions or the sizes of its swing show, compared with its robot's model.
-fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Option<String> {
-    let own = labelled(data, zeroed).ok()?;
-    let is_settled = zeroed.steady.as_ref()?.settled;
-    let (turned_deg, leans_deg, scaled) = by_model(data, zeroed, &own, |model, own| {
-        let leans_deg = if is_settled { leans(data, model, own) } else { None };
-        let is_same = |one: (Scaled, f64), other: (Scaled, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
-        let is_of_any = |found: (Scaled, f64)| {
-            is_of_any_stiffness(data, model, |other| scaled(other, own).is_some_and(|of| is_same(of, found)))
-        };
-        // Stiffness changes the swing of the yaw, and of all angles.
-        let scaled =
-            scaled(model, own).filter(|found| [Scaled::Pitch, Scaled::Roll].contains(&found.0) || is_of_any(*found));
-        Some((turned_deg(model, own), leans_deg, scaled))
-    })?;
+fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'static str> {
+    let own = labelled(data, zeroed)?;
+    let model = model(data, zeroed, &own).ok_or(NO_TURN)?;
+    let turned_deg = turn(data, &model, &own, turned_deg);
+    // Flagella that touch change the mean tilt and the size of the swing, but hardly its directions.
+    let is_settled = zeroed.steady.as_ref().is_some_and(|steady| steady.settled);
+    let leans_deg = if is_settled && !own.touches { turn(data, &model, &own, leans_deg) } else { None };
+    let is_same = |one: (Scaled, f64), other: (Scaled, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
+    let is_of_any = |found: (Scaled, f64)| {
+        is_of_any_stiffness(data, &model, |other| scaled(other, &own).is_some_and(|of| is_same(of, found)))
+    };
+    // Stiffness changes the swing of the yaw, and of all angles.
+    let is_told = |found: &(Scaled, f64)| [Scaled::Pitch, Scaled::Roll].contains(&found.0) || is_of_any(*found);
+    let scaled = scaled(&model, &own).filter(|found| !own.touches && is_told(found));
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
-    let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG / 2.0);
+    let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG.0);
     let turned =
         [("swings in directions that are", turned_deg, 0.0), ("leans in a direction that is", leans_deg, 180.0)];
-    let is_turned = |(_, deg, _): &(&str, Option<f64>, f64)| deg.is_some_and(|deg| deg.abs() > TURNED_DEG);
+    let is_turned = |(_, deg, _): &(&str, Option<f64>, f64)| deg.is_some_and(|deg| deg.abs() > TURNED_DEG.1);
     if let Some((how, Some(deg), off_deg)) = turned.into_iter().find(is_turned) {
-        let yaw_deg = zeroed.zero_deg[0] + zeroed.angles()?.yaw_deg;
-        let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG;
-        let is_turn = |angle_deg: f64| !is_upright && is_near(angle_deg);
+        let yaw_deg = zeroed.zero_deg[0] + zeroed.angles().map_or(0.0, |angles| angles.yaw_deg);
+        let is_near = |angle_deg: f64| wrapped(deg - angle_deg).abs() < NEAR_DEG.0;
+        let is_turn = |angle_deg: f64| !is_upright && wrapped(deg - angle_deg).abs() < NEAR_DEG.1;
         let swapped = Cause::Swapped.to_string();
         let frames = [
             (QUARTER_TURN, is_turn(90.0) || is_turn(-90.0)),
             (HALF_TURN, is_turn(180.0)),
             (&swapped, is_turn(180.0)),
-            (OTHER_ORDER, is_turn(-yaw_deg)),
+            (YAW_CLOCKWISE, turned_deg.is_some() && is_turn(180.0)),
+            (OTHER_ORDER, !is_upright && is_near(-yaw_deg)),
             (OPPOSITE_TURN, is_near(yaw_deg + off_deg)),
             (OTHER_ZERO, is_upright),
             (OTHER_ROBOT, true),
         ];
         let causes: Vec<&str> = frames.into_iter().filter(|(_, is_likely)| *is_likely).map(|(name, _)| name).collect();
-        return Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{}", frame::as_if(&causes)));
+        let causes = frame::as_if(&causes);
+        return Ok(Some(format!("the robot {how} turned by {deg:.0} degrees from its model's{causes}")));
     }
     // A turn of the frame changes the shares of pitch and roll, but not the yaw's, and none becomes small alone.
     let is_scale = |(angle, factor): &(Scaled, f64)| {
         *angle == Scaled::All || *angle == Scaled::Yaw && turned_deg.is_none() || *factor < 0.5 || is_upright
     };
-    let (angle, factor) = scaled.filter(is_scale)?;
+    let Some((angle, factor)) = scaled.filter(is_scale) else { return turned_deg.map(|_| None).ok_or(NO_TURN) };
     let name = ["yaw", "pitch", "roll", "attitude"][angle as usize];
     let (beside, it) = match angle {
         Scaled::All => ("", "all angles had another scale or were smoothed"),
         _ => (" beside the other angles", "it had another scale"),
     };
-    Some(format!(
+    Ok(Some(format!(
         "the {name} swings {factor:.1} times as much{beside} as that of the robot's model: as if {it}, or as if {OTHER_ROBOT}"
-    ))
+    )))
 }
+
+/// Why a turn of the frame is not judged.
+const NO_TURN: &str = "the swing does not show whether the frame of the angles is turned about the vertical, or whether the yaw counts clockwise";
 
 /// Stiffnesses of ordinary robots, relative to their file.
 const STIFFER: [f64; 2] = [0.6, 1.67];
@@ -250,13 +250,14 @@ fn is_of_any_stiffness(data: &Data, model: &Labelled, is_same: impl Fn(&Labelled
     })
 }
 
-/// Returns the angle by which an import leans in another direction than its robot's model; `None` if the direction depends on how
-/// stiff the robot is.
-fn leans(data: &Data, model: &Labelled, own: &Labelled) -> Option<f64> {
-    let deg = leans_deg(model, own)?;
-    let is_near = |other_deg: f64| other_deg.abs() > TURNED_DEG && wrapped(other_deg - deg).abs() < NEAR_DEG;
-    let is_same = |other: &Labelled| leans_deg(other, own).is_some_and(is_near);
-    (deg.abs() < TURNED_DEG || is_of_any_stiffness(data, model, is_same)).then_some(deg)
+/// Returns the turn of an import's motion relative to that of its robot's model; `None` if the turn depends on how stiff the robot
+/// is.
+fn turn(data: &Data, model: &Labelled, own: &Labelled, of: fn(&Labelled, &Labelled) -> Option<f64>) -> Option<f64> {
+    let deg = of(model, own)?;
+    let is_turned = |deg: f64| deg.abs() > TURNED_DEG.1;
+    let is_near = |other_deg: f64| is_turned(other_deg) && wrapped(other_deg - deg).abs() < NEAR_DEG.0;
+    let is_same = |other: &Labelled| of(other, own).is_some_and(is_near);
+    (deg.abs() < TURNED_DEG.0 || is_turned(deg) && is_of_any_stiffness(data, model, is_same)).then_some(deg)
 }
 
 /// Returns the motion of a robot's model whose flagella are so many times as stiff.

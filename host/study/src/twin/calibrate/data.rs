@@ -126,7 +126,7 @@ impl FitTrial {
             is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
-            errors: if data.is_blind() { errors.with_swing(&measured) } else { errors },
+            errors,
             before,
             measured,
             fluid: [1.0; 2],

@@ -33,7 +33,7 @@ impl TrialErrors {
     /// Adds the errors of solver and clocks to the sensor's. `block_s`: length of a block.
     pub fn new(data: &Data, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
         let sensor = SensorKey::of(data);
-        let is_told = data.records.import.as_ref().is_some_and(|import| !import.has_motors());
+        let is_told = data.records.import.as_ref().is_some_and(|import| !import.has_motors);
         let timing_s = if is_told { TIMING_OF_RUN_S } else { TIMING_S };
         // A model counts as a sensor with little noise.
         let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
@@ -45,12 +45,13 @@ impl TrialErrors {
             };
             DMatrix::from_fn(turned.len(), turned.len(), |i, j| errors[k].own[(i, j)] + quiet_deg2 + of_model(i, j))
         });
-        Self { sensor, own, of_sensor: errors.map(|errors| errors.effects) }
+        let errors = Self { sensor, own, of_sensor: errors.map(|errors| errors.effects) };
+        if is_told || data.is_blind() { errors.with_swing(measured) } else { errors }
     }
 
-    /// Adds the swing in its blocks: without encoders, the model's flagella stand at other angles than the robot's. Where blocks are
-    /// short beside a turn, the differences of neighbours are about as large as those of two swings.
-    pub fn with_swing(mut self, measured: &Blocks) -> Self {
+    /// Adds the swing in its blocks: if the turns of the motors were not measured, the model's flagella stand at other angles than the
+    /// robot's. Where blocks are short beside a turn, the differences of neighbours are about as large as those of two swings.
+    fn with_swing(mut self, measured: &Blocks) -> Self {
         for (own, blocks) in self.own.iter_mut().zip(measured) {
             let squares = blocks.as_slice().windows(2).map(|pair| powi(pair[1] - pair[0], 2));
             let swing_deg2 = squares.sum::<f64>() / blocks.len().max(1) as f64;
