@@ -119,12 +119,8 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
         }
         other => PageError::Output(other),
     })?;
-    Ok(Film {
-        frames: count,
-        duration_s: count as f64 * FRAME_S,
-        has_shapes: !data.shapes.is_empty(),
-        findings: trial.log_findings(),
-    })
+    let (duration_s, has_shapes) = (count as f64 * FRAME_S, !data.shapes.is_empty());
+    Ok(Film { frames: count, duration_s, has_shapes, findings: trial.log_findings() })
 }
 
 /// Returns the time to show on the trial's clock, within its attitude; `None` if there is none.

@@ -67,14 +67,14 @@ impl Picture {
         let one = |solid: &Solid| {
             let (from, near, scale) = self.camera.project(solid.from);
             let (to, far, _) = self.camera.project(solid.to);
-            let away = 0.5 * (near + far);
+            let away_m = 0.5 * (near + far);
             Seen {
                 from,
                 to,
                 radius: solid.radius * scale,
                 is_round: solid.is_round,
                 colour: bytes(solid.colour),
-                away_m: away,
+                away_m,
             }
         };
         let mut seen: Vec<Seen> = solids.iter().map(one).collect();

@@ -72,6 +72,13 @@ impl<const N: usize> Columns<N> {
         self.values.each_ref().map(|values| place.value(values))
     }
 
+    /// Returns the values at the time of a row, or between two rows that are at most `longest_s` apart.
+    pub fn within(&self, longest_s: f64, time_s: f64) -> Option<[f64; N]> {
+        let place = Place::of(&self.time_s, time_s)?;
+        let is_seen = place.between.map_or(self.time_s[place.after] == time_s, |[_, step_s]| step_s <= longest_s);
+        is_seen.then(|| self.values.each_ref().map(|values| place.value(values)))
+    }
+
     /// Returns the median interval between rows.
     pub fn interval_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();

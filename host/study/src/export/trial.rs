@@ -121,18 +121,10 @@ fn list(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
             board_deg: euler_deg(&rotation(reading.attitude)),
             temperature_c: reading.temperature_c,
             forces: data.forces.at(time_s),
-            truth: is_around(&data.truth.time_s, longest_s, time_s).then(|| data.truth.at(time_s)),
+            truth: data.truth.within(longest_s, time_s),
         }
     };
     data.readings.iter().enumerate().map(row).collect()
-}
-
-/// Returns whether a time is one of these, or lies between two of them that are at most `longest_s` apart.
-fn is_around(times_s: &[f64], longest_s: f64, time_s: f64) -> bool {
-    let after = times_s.partition_point(|time| *time < time_s);
-    let Some(next) = times_s.get(after) else { return false };
-    let is_near = |before: usize| next - times_s[before] <= longest_s;
-    *next == time_s || after.checked_sub(1).is_some_and(is_near)
 }
 
 /// Returns the index of a time, equal to within rounding.

@@ -33,15 +33,8 @@ pub struct Steering {
 impl Steering {
     /// Begins with the robot at rest.
     pub fn new(wanted: Wanted, pilot: Pilot) -> Self {
-        Self {
-            wanted,
-            pilot,
-            means: Means::default(),
-            speeds: [CentiRpm(0); 2],
-            last_s: None,
-            asked: None,
-            reached_s: None,
-        }
+        let means = Means::default();
+        Self { wanted, pilot, means, speeds: [CentiRpm(0); 2], last_s: None, asked: None, reached_s: None }
     }
 
     /// Passes on the measured state at a time since the start of the run.

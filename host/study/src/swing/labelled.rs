@@ -84,6 +84,11 @@ impl Labelled<'_> {
         (0..2).all(|k| self.is_near(rpm, k) && (rpm[k] == 0.0) == (self.rpm[k] == 0.0))
     }
 
+    /// Returns whether the motion alone tells the label's speeds.
+    pub(super) fn is_told(&self) -> bool {
+        self.told_rpm.is_some_and(|rpm| self.is_of(rpm))
+    }
+
     /// Returns whether the line of a motor that turns otherwise is a sum or a difference of the label's lines.
     pub(super) fn mixes(&self, rpm: [f64; 2], length_s: f64) -> bool {
         let mut mixed = MIXED

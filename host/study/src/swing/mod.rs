@@ -174,8 +174,7 @@ pub fn label(trial: &Labelled) -> Label {
         [] if let Some(causes) = own.and_then(|own| otherwise_at_the_end(trial, &own, &found, &doubts)) => {
             Label::Wrong(causes)
         }
-        [] if !is_lost || doubts.is_noisy || trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm)) => Label::Right,
-        [] if trial.rpm.into_iter().all(is_own) => Label::Right,
+        [] if !is_lost || doubts.is_noisy || trial.is_told() || trial.rpm.into_iter().all(is_own) => Label::Right,
         [] if trial.touches && trial.off.0 > ROUGH => Label::NotJudged(blind::TOUCH),
         [] => Label::Wrong(vec![Cause::Unknown { line_rpm: 60.0 * found[0] }]),
         _ => Label::Wrong(said(&better)),
@@ -304,10 +303,8 @@ impl Readings<'_> {
     /// does not contradict.
     fn by_balance(&self, label: f64) -> Vec<Cause> {
         let trial = self.trial;
-        let told = trial.told_rpm.is_some_and(|rpm| trial.is_of(rpm));
-        let Some(balance) = trial.balance.filter(|balance| !told && balance.contradicts(trial.rpm)) else {
-            return vec![];
-        };
+        let is_likely = |balance: &Balance| !trial.is_told() && balance.contradicts(trial.rpm);
+        let Some(balance) = trial.balance.filter(is_likely) else { return Vec::new() };
         let is_likely = |(cause, rpm): &(Cause, [f64; 2])| {
             matches!(cause, Cause::Sign(_) | Cause::Stands(_))
                 && !balance.contradicts(*rpm)

@@ -75,13 +75,8 @@ impl Source {
         plan.robot = RobotFile::of_log(robot);
         let trial = plan.trials.iter().find(|trial| Some(&trial.name) == name.as_ref()).cloned();
         let trial = trial.ok_or_else(|| unusable("its trial is not in its plan"))?;
-        Ok(Self {
-            path: path.to_owned(),
-            plan,
-            logs: vec![(trial, Attempt::of_log(path))],
-            left_out: Vec::new(),
-            skipped: Vec::new(),
-        })
+        let logs = vec![(trial, Attempt::of_log(path))];
+        Ok(Self { path: path.to_owned(), plan, logs, left_out: Vec::new(), skipped: Vec::new() })
     }
 
     /// Returns the default folder for its replays: beside the session, or beside a log that is not in a session.

@@ -35,15 +35,9 @@ impl PhaseMeans {
         let name = trial.name[..end].split_once('_').map_or("", |(_, name)| name).to_owned();
         let values: Vec<Values> = phases.iter().map(|phase| phase.values.clone()).collect();
         let spreads = Values::spreads(&values);
+        let phase_spread_deg = [0, 1, 2].map(|angle| spreads[angle]);
         let steady = SteadyMeta::over_phases(phases);
-        Self {
-            name,
-            w1_rpm,
-            w2_rpm,
-            phases: phases.len(),
-            steady,
-            phase_spread_deg: [0, 1, 2].map(|angle| spreads[angle]),
-        }
+        Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }
     }
 }
 

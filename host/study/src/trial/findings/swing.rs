@@ -86,16 +86,8 @@ pub(crate) fn labelled<'a>(data: &Data, zeroed: &'a Zeroed) -> Result<Labelled<'
     // Without encoders, this runs while the speeds are measured.
     let told = if data.is_blind() { steady.measured.get() } else { Some(steady.measured(&zeroed.angles_deg)) };
     let told_rpm = told.and_then(SwingSpeeds::rpm);
-    Ok(Labelled {
-        angles_deg: &zeroed.angles_deg,
-        settled_s,
-        rpm,
-        off,
-        touches,
-        told_rpm,
-        has_yaw_alone,
-        balance: None,
-    })
+    let angles_deg = &zeroed.angles_deg;
+    Ok(Labelled { angles_deg, settled_s, rpm, off, touches, told_rpm, has_yaw_alone, balance: None })
 }
 
 /// Returns the speeds of motors without encoders, from the swing alone, or else from the swing near the commanded speeds.
@@ -190,12 +182,12 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'st
     // Flagella that touch change the mean tilt and the size of the swing, but hardly its directions.
     let is_settled = zeroed.steady.as_ref().is_some_and(|steady| steady.settled);
     let leans_deg = if is_settled && !own.touches { turn(data, &model, &own, leans_deg) } else { None };
-    let is_same = |one: (Scaled, f64), other: (Scaled, f64)| one.0 == other.0 && (one.1 > 1.0) == (other.1 > 1.0);
-    let is_of_any = |found: (Scaled, f64)| {
-        is_of_any_stiffness(data, &model, |other| scaled(other, &own).is_some_and(|of| is_same(of, found)))
-    };
+    let kind = |(angle, factor): (Scaled, f64)| (angle, factor > 1.0);
     // Stiffness changes the swing of the yaw, and of all angles.
-    let is_told = |found: &(Scaled, f64)| [Scaled::Pitch, Scaled::Roll].contains(&found.0) || is_of_any(*found);
+    let is_told = |found: &(Scaled, f64)| {
+        let is_same = |other: &Labelled| scaled(other, &own).map(kind) == Some(kind(*found));
+        [Scaled::Pitch, Scaled::Roll].contains(&found.0) || is_of_any_stiffness(data, &model, is_same)
+    };
     let scaled = scaled(&model, &own).filter(|found| !own.touches && is_told(found));
     // A turn of the frame turns both; the inverse at a small yaw reverses the lean alone.
     let is_upright = turned_deg.or(leans_deg).is_some_and(|deg| deg.abs() < TURNED_DEG.0);

@@ -5,16 +5,15 @@ use crate::sensor::index::MOUNTING_YAW;
 use crate::trial::{Data, OverTime};
 use crate::twin::sensor_key::SensorKey;
 use nalgebra::{DMatrix, DVector};
-use sim::functions::powi;
+use sim::functions::{cos, powi};
+use std::f64::consts::TAU;
 
 /// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
 /// the sensor's filter.
 const TIMING_S: f64 = 0.002;
 
-/// The same of an import whose run is told and not measured: to about a tenth of a second (95 %). The flagella stand at unknown
-/// angles when it begins, which changes the way to the steady angles as much again: fits of 15 such sets of five trials were off by
-/// twice their standard errors with 0.05 s.
-const TIMING_OF_RUN_S: f64 = 0.1;
+/// The same of an import whose run is told and not measured: to about a tenth of a second (95 %).
+const TIMING_OF_RUN_S: f64 = 0.05;
 
 /// Relative standard deviation of the solver's error of an angle: mean forces have an error of some tenths of a per
 /// cent from tolerance and steps.
@@ -48,16 +47,21 @@ impl TrialErrors {
             DMatrix::from_fn(turned.len(), turned.len(), |i, j| errors[k].own[(i, j)] + quiet_deg2 + of_model(i, j))
         });
         let errors = Self { sensor, own, of_sensor: errors.map(|errors| errors.effects) };
-        if is_told || data.is_blind() { errors.with_swing(measured) } else { errors }
+        if is_told || data.is_blind() { errors.with_swing(data, measured, block_s) } else { errors }
     }
 
     /// Adds the swing in its blocks: if the turns of the motors were not measured, the model's flagella stand at other angles than the
-    /// robot's. Where blocks are short beside a turn, the differences of neighbours are about as large as those of two swings.
-    fn with_swing(mut self, measured: &Blocks) -> Self {
+    /// robot's, so each motor leaves a line of unknown phase. Where blocks are short beside a turn, the differences of neighbours are
+    /// about as large as those of two swings.
+    fn with_swing(mut self, data: &Data, measured: &Blocks, block_s: f64) -> Self {
+        let turns = data.speeds().map(|speed| speed.rpm() / 60.0 * block_s);
         for (own, blocks) in self.own.iter_mut().zip(measured) {
             let squares = blocks.as_slice().windows(2).map(|pair| powi(pair[1] - pair[0], 2));
             let swing_deg2 = squares.sum::<f64>() / blocks.len().max(1) as f64;
-            (0..blocks.len()).for_each(|i| own[(i, i)] += swing_deg2);
+            *own += DMatrix::from_fn(blocks.len(), blocks.len(), |i, j| {
+                let line = |turns: f64| cos(TAU * turns * (i as f64 - j as f64));
+                swing_deg2 * (line(turns[0]) + line(turns[1]) + if i == j { 1.0 } else { 0.0 })
+            });
         }
         self
     }
