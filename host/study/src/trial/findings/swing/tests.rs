@@ -291,6 +291,7 @@ fn a_nearly_equal_motor_that_stood_or_turned_the_other_way_is_named() {
         ([44.3, 0.0], &[[44.3, -44.3], [44.3, -42.1], [44.3, 44.3], [44.3, 41.2]][..], "motor 2 stood"),
         ([-52.1, 50.4], &[[52.1, 50.4]], "motor 1 turned the other way"),
         ([52.1, 50.4], &[[52.1, -50.4]], "motor 2 turned the other way"),
+        ([-61.3, -44.7], &[[61.3, -44.7]], "motor 1 turned the other way"),
     ] {
         let truth = Truth::of(&robot, turned, RUN_S + AFTER_S, RUN_S);
         assert!(said(&truth, turned).is_empty(), "{turned:?}");
