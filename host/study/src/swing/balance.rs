@@ -36,13 +36,12 @@ impl PerRpm {
     /// Returns the attitudes at which the tether balances the torques of rigid flagella ([`mod@resistance`]), and the righting moment
     /// of the weight their thrusts on the levers of their shafts; `None` if the robot is invalid.
     pub fn of(robot: &Robot) -> Option<Self> {
-        let base = &robot.base;
+        let (base, flagellum) = (&robot.base, &robot.flagellum);
         let matrix = resistance(robot, &[0.0; 2]).ok()?.matrix;
         let [thrust, torque] = [2, 5].map(|row| [6, 12].map(|part| matrix[(part + row, part + 5)]));
         let righting_nm = base.mass_kg * base.gravity_m_s2 * base.mass_centre_below_joint_m;
         let deg = |nms: f64, stiffness_nm: f64| (nms / stiffness_nm * PI / 30.0).to_degrees();
         let lever_m = 0.5 * base.motor_distance_m;
-        let flagellum = &robot.flagellum;
         let thrust_n = thrust[0].abs().max(thrust[1].abs()) * PI / 30.0;
         Some(Self {
             bend: thrust_n * powi(flagellum.axial_length_m, 2) / (3.0 * flagellum.stiffness().bend_nm2),

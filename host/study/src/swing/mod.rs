@@ -167,9 +167,8 @@ pub fn label(trial: &Labelled) -> Label {
     match better[..] {
         [] if fastest_rpm < SLOWEST_RPM => Label::NotJudged("both motors are slow"),
         _ if !by_balance.is_empty() => {
-            let mut causes = said(&better);
-            causes.extend(by_balance.into_iter().filter(|cause| !better.iter().any(|(_, other, _)| other == cause)));
-            Label::Wrong(causes)
+            let is_new = |cause: &Cause| !better.iter().any(|(_, other, _)| other == cause);
+            Label::Wrong(said(&better).into_iter().chain(by_balance.into_iter().filter(is_new)).collect())
         }
         [] if let Some(causes) = own.and_then(|own| otherwise_at_the_end(trial, &own, &found, &doubts)) => {
             Label::Wrong(causes)

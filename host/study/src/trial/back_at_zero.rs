@@ -42,17 +42,18 @@ pub struct NotBack {
     pub nearest_deg: f64,
 }
 
-/// Returns the first of some angles that does not come back after the run. Each has its 95 % uncertainty at the end of the log,
-/// degrees, and the time constant of its return, s.
+/// Returns the first of some angles that does not come back after the run. Each has the whole angle of which it is a part, its 95 %
+/// uncertainty at the end of the log, degrees, and the time constant of its return, s. A tilt is a whole: its pitch and roll change into
+/// each other as the robot turns back.
 pub(super) fn not_back<'a>(
     data: &Data,
-    angles: impl IntoIterator<Item = (&'static str, Track<'a>, f64, f64)>,
+    angles: impl IntoIterator<Item = (&'static str, [Track<'a>; 2], f64, f64)>,
 ) -> Option<NotBack> {
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
-    angles.into_iter().filter(|_| is_of_robot).find_map(|(angle, track, stated_deg, time_constant_s)| {
-        let after = data.times.decay.start..data.times.decay.end.min(track.span().end);
+    angles.into_iter().filter(|_| is_of_robot).find_map(|(angle, tracks, stated_deg, time_constant_s)| {
+        let after = data.times.decay.start..data.times.decay.end.min(tracks[0].span().end);
         let allowed_deg = if angle == "yaw" { ALLOWED_DEG } else { ALLOWED_TILT_DEG };
-        let [end_deg, nearest_deg] = missed(track, &after, allowed_deg + stated_deg, time_constant_s)?;
+        let [end_deg, nearest_deg] = missed(tracks, &after, allowed_deg + stated_deg, time_constant_s)?;
         Some(NotBack { angle, after_s: after.end - after.start, end_deg, nearest_deg })
     })
 }
@@ -62,22 +63,24 @@ pub(super) fn is_short(after: &Range<f64>) -> bool {
     after.end - LAST_S < after.start + SPRINGS_BACK_S
 }
 
-/// Returns an angle at the end of the phase after the run, and the nearest value possible after a return to rest, degrees, if the
-/// two differ.
-fn missed(yaw: Track, after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
+/// Returns a part of an angle at the end of the phase after the run, and the nearest value possible after a return to rest,
+/// degrees, if the two differ.
+fn missed([part, whole]: [Track; 2], after: &Range<f64>, allowed_deg: f64, time_constant_s: f64) -> Option<[f64; 2]> {
     let sprung_s = after.start + SPRINGS_BACK_S;
     if is_short(after) {
         return None;
     }
-    let end_deg = yaw.mean(after.end - LAST_S..after.end)?;
+    let [part_deg, end_deg] = [part, whole].map(|track| track.mean(after.end - LAST_S..after.end));
+    let (part_deg, end_deg) = (part_deg?, end_deg?);
     let left = exp(-(after.end - sprung_s) / (SLOWER * time_constant_s));
-    let first = yaw.time_s.iter().zip(yaw.value).filter(|(time, _)| (after.start..sprung_s).contains(*time));
+    let first = whole.time_s.iter().zip(whole.value).filter(|(time, _)| (after.start..sprung_s).contains(*time));
     // What is left is bounded by the change as well, which a zero that has moved does not increase.
     let change = |deg: f64| if left < SEEN { (deg - end_deg) * left / (1.0 - left) } else { left * deg };
     let most = |deg: f64| (left * deg).clamp(change(deg).min(0.0), change(deg).max(0.0));
-    let bounds = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(most(*deg)), high.max(most(*deg))]);
-    let nearest_deg = end_deg.clamp(bounds[0] - allowed_deg, bounds[1] + allowed_deg);
-    (end_deg != nearest_deg).then_some([end_deg, nearest_deg])
+    let [low, high] = first.fold([0.0_f64; 2], |[low, high], (_, deg)| [low.min(most(*deg)), high.max(most(*deg))]);
+    let low = if part == whole { low } else { -high };
+    let nearest_deg = part_deg.clamp(low - allowed_deg, high + allowed_deg);
+    (part_deg != nearest_deg).then_some([part_deg, nearest_deg])
 }
 
 #[cfg(test)]
@@ -92,7 +95,7 @@ mod tests {
         for time_s in (0..=(100.0 * length_s) as u32).map(|i| f64::from(i) * 0.01) {
             yaw.push(time_s, [rest_deg + (run_deg - rest_deg) * (-time_s / time_constant_s).exp()]);
         }
-        missed(yaw.track(0), &(0.0..length_s), 7.0, 10.8)
+        missed([yaw.track(0); 2], &(0.0..length_s), 7.0, 10.8)
     }
 
     #[test]

@@ -16,11 +16,12 @@ use super::sensitivity::Sensitivities;
 use super::tilt_zero::TiltZero;
 use super::zero::{Known, Zeroed};
 use super::{back_at_zero, import_rest};
-use crate::attitude::{Columns, Drift, Level, Leveller, Reading, Rest, Series, euler_deg, rotation};
+use crate::attitude::{Columns, Drift, Level, Leveller, Reading, Rest, Series, Track, euler_deg, rotation};
 use biflag_log::Origin;
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
 use sim::body::attitude::of_euler_zyx;
+use sim::functions::hypot;
 use std::ops::Range;
 
 /// Smallest gain of the board's filter distinguished from zero, 1/s.
@@ -120,7 +121,7 @@ impl Zeroed {
         errors.correct(&mut angles_deg, yaw_zero);
         if let Some(budget) = errors.yaw(angles_deg.span().end) {
             let yaw_s = constants.map_or(f64::INFINITY, |constants| constants.yaw_s);
-            let yaw = ("yaw", angles_deg.track(0), budget.uncertainty_deg(), yaw_s);
+            let yaw = ("yaw", [angles_deg.track(0); 2], budget.uncertainty_deg(), yaw_s);
             rest.not_back = back_at_zero::not_back(data, [yaw]);
         }
         Self {
@@ -160,19 +161,18 @@ impl Zeroed {
         let stated = Stated::of(data.records.import.as_ref(), &angles_deg, &still).filter(|_| zero.is_some());
         let not_back = |_| {
             let constants = time_constants(data);
+            let [_, pitch, roll] = angles_deg.tracks();
+            let tilt: Vec<f64> = (0..angles_deg.len()).map(|i| hypot(pitch.value[i], roll.value[i])).collect();
             let angles = [0, 1, 2].map(|k| {
+                let whole = if k == 0 { angles_deg.track(0) } else { Track { value: &tilt, ..pitch } };
                 let stated_deg = stated.and_then(|of| of.budget(k)).map_or(0.0, |budget| budget.uncertainty_deg());
                 let constant_s = constants.map_or(f64::INFINITY, |of| if k == 0 { of.yaw_s } else { of.tilt_s });
-                (["yaw", "pitch", "roll"][k], angles_deg.track(k), stated_deg, constant_s)
+                (["yaw", "pitch", "roll"][k], [angles_deg.track(k), whole], stated_deg, constant_s)
             });
             back_at_zero::not_back(data, angles)
         };
-        let rest = AtRest {
-            is_missing: zero.is_none() && data.times.has_run(),
-            not_back: zero.and_then(not_back),
-            motion,
-            ..AtRest::default()
-        };
+        let (is_missing, not_back) = (zero.is_none() && data.times.has_run(), zero.and_then(not_back));
+        let rest = AtRest { is_missing, not_back, motion, ..AtRest::default() };
         Self {
             angles_deg,
             zero_deg: [yaw_zero, pitch_deg, roll_deg],

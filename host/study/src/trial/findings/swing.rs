@@ -113,8 +113,8 @@ fn balance(data: &Data, zeroed: &Zeroed) -> Option<Balance> {
     zeroed.steady.as_ref().filter(|steady| steady.settled)?;
     let per_rpm = per_rpm(&data.robot().ok()?)?;
     // An instrument's frame that is askew leans by twice its tilt at rest at most.
-    let askew = if data.records.import.is_some() { 2.0 } else { 0.0 };
-    let off_deg = askew * tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    let rest_deg = tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    let off_deg = if data.records.import.is_some() { 2.0 * rest_deg } else { 0.0 };
     Some(Balance { yaw_deg: angles.yaw_deg, tilt_deg: angles.tilt_deg, off_deg, per_rpm })
 }
 
@@ -170,6 +170,9 @@ const EDGES: f64 = 15.0;
 /// Largest turn of a swing relative to its model's of an import in the right frame, and least turn of a wrong one, degrees.
 const TURNED_DEG: (f64, f64) = (30.0, 45.0);
 
+/// Least tilt whose direction is judged, relative to what it may be off.
+const LEANS: f64 = 1.5;
+
 /// Largest differences of a turn from that of a model of another stiffness or that of a cause, and from a quarter or a half turn,
 /// degrees.
 const NEAR_DEG: (f64, f64) = (35.0, 55.0);
@@ -180,8 +183,9 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'st
     let model = model(data, zeroed, &own).ok_or(NO_TURN)?;
     let turned_deg = turn(data, &model, &own, turned_deg);
     // Flagella that touch change the mean tilt and the size of the swing, but hardly its directions.
-    let is_settled = zeroed.steady.as_ref().is_some_and(|steady| steady.settled);
-    let leans_deg = if is_settled && !own.touches { turn(data, &model, &own, leans_deg) } else { None };
+    // An instrument's frame that is askew has the tilt of the rest.
+    let is_leaning = balance(data, zeroed).is_some_and(|balance| balance.tilt_deg > LEANS * balance.off_deg);
+    let leans_deg = if is_leaning && !own.touches { turn(data, &model, &own, leans_deg) } else { None };
     let kind = |(angle, factor): (Scaled, f64)| (angle, factor > 1.0);
     // Stiffness changes the swing of the yaw, and of all angles.
     let is_told = |found: &(Scaled, f64)| {
