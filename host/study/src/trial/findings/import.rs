@@ -25,8 +25,9 @@ const LEAST_ROWS_A_TURN: f64 = 4.0;
 const JUMP_DEG: f64 = 5.0;
 const JUMP_DPS: f64 = 300.0;
 
-/// The first limit for flagella that mesh, degrees: they snap, and turn the robot by some 15 degrees between two rows.
-const SNAP_DEG: f64 = 30.0;
+/// The first limit for flagella that mesh, degrees: they snap, and turn the robot by some 15 degrees between two rows, by 31 at
+/// (-67.4, -64.9) rpm in a tank.
+const SNAP_DEG: f64 = 45.0;
 
 /// A change is not a motion either if it differs from the mean of the changes before and after it by more than this angle,
 /// degrees, by more than this multiple of the first decile of all such differences about the axis with the most noise, which normal
