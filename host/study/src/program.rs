@@ -17,14 +17,8 @@ pub const FULL_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("BI
 /// because its log does not depend on the date.
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     let created = if origin.is_recorded() { timestamp(time) } else { String::new() };
-    Identity {
-        format: FORMAT,
-        protocol: protocol::VERSION,
-        host_version: VERSION.to_owned(),
-        host_git_hash: GIT_HASH.to_owned(),
-        created,
-        origin,
-    }
+    let [host_version, host_git_hash] = [VERSION, GIT_HASH].map(str::to_owned);
+    Identity { format: FORMAT, protocol: protocol::VERSION, host_version, host_git_hash, created, origin }
 }
 
 /// Returns a time as text.

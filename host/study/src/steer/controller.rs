@@ -102,14 +102,8 @@ pub struct Controller {
 impl Controller {
     /// Creates the controller for a robot at rest.
     pub fn new(map: Map) -> Self {
-        Self {
-            map,
-            begun: 0.0,
-            expected_deg: Vector2::zeros(),
-            expectations: Means::default(),
-            integral_deg: Vector2::zeros(),
-            rpm: [0.0; 2],
-        }
+        let (zero, expectations) = (Vector2::zeros(), Means::default());
+        Self { map, begun: 0.0, expected_deg: zero, expectations, integral_deg: zero, rpm: [0.0; 2] }
     }
 
     /// Returns the speeds (rpm) until the next observation. `period_s`: time since the last one, 0 at the first.

@@ -56,10 +56,8 @@ impl PerRpm {
 pub struct Balance {
     /// Yaw, degrees.
     pub yaw_deg: f64,
-    /// Tilt, degrees.
-    pub tilt_deg: f64,
-    /// Largest error of the tilt, degrees.
-    pub off_deg: f64,
+    /// Smallest and largest possible tilt, degrees.
+    pub tilt_deg: [f64; 2],
     /// The attitude of the robot.
     pub per_rpm: PerRpm,
 }
@@ -83,7 +81,7 @@ impl Balance {
         // Flagella that touch tilt the robot less.
         let touch = (0..2).all(|k| tilt_deg[k] * rpm[k] * [-1.0, 1.0][k] <= 0.0);
         is_reversed
-            || unlike((self.tilt_deg - self.off_deg).max(0.0)) > UNLIKE
-            || !touch && unlike(self.tilt_deg + self.off_deg) < -UNLIKE - BENDING * bend * fastest_rpm
+            || unlike(self.tilt_deg[0]) > UNLIKE
+            || !touch && unlike(self.tilt_deg[1]) < -UNLIKE - BENDING * bend * fastest_rpm
     }
 }

@@ -128,8 +128,7 @@ impl Trace {
         };
         trial.balance = Some(Balance {
             yaw_deg: self.angles_deg.tracks()[0].mean(trial.settled_s.clone()).unwrap(),
-            tilt_deg: size(trial.lean_deg().unwrap()),
-            off_deg: 0.0,
+            tilt_deg: [size(trial.lean_deg().unwrap()); 2],
             per_rpm: PerRpm::of(&Robot::default()).unwrap(),
         });
         label(&trial)

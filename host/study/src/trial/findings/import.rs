@@ -3,6 +3,7 @@
 use super::{Rule, Section};
 use crate::attitude::{Columns, LARGEST_TILT_DEG, Reading, Track, Unwrap, euler_deg, rotation, tilt_deg, wrapped};
 use crate::text::count;
+use crate::trial::angles::Angles;
 use crate::trial::data::Data;
 use crate::trial::finding::FindingKind::Conduct;
 use crate::trial::import_rest::REST_S;
@@ -130,11 +131,7 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
     let seen_deg = NOISES * noise_at_rest_deg(zeroed)..=LARGEST_TILT_DEG;
     let angles = zeroed.angles().filter(|_| seen_deg.contains(&tilt_deg(pitch_deg, roll_deg)))?;
     let body = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg];
-    let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
-    let askew = of([0.0, pitch_deg, roll_deg]);
-    let [yaw, pitch, roll] = euler_deg(&(askew.inverse() * of(body) * askew));
-    // The yaw may have made full turns.
-    let yaw = body[0] + wrapped(yaw - body[0]);
+    let [yaw, pitch, roll] = if_askew_deg(zeroed, &angles);
     let others = [yaw, pitch, roll];
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
     let matters = |k: usize| (others[k] - body[k]).abs() > stated[k].unwrap_or(UNKNOWN_DEG);
@@ -143,6 +140,17 @@ fn side_of_tilt(zeroed: &Zeroed) -> Option<String> {
          is the instrument's frame that is askew, yaw, pitch and roll are {yaw:.2}°, {pitch:.2}° and {roll:.2}°"
     );
     (0..3).any(matters).then_some(text)
+}
+
+/// Returns yaw, pitch and roll if the tilt at rest is that of the instrument's frame.
+pub(super) fn if_askew_deg(zeroed: &Zeroed, angles: &Angles) -> [f64; 3] {
+    let [_, pitch_deg, roll_deg] = zeroed.zero_deg;
+    let of = |angles_deg: [f64; 3]| of_euler_zyx(angles_deg.map(f64::to_radians));
+    let askew = of([0.0, pitch_deg, roll_deg]);
+    let body = of([angles.yaw_deg, angles.pitch_deg, angles.roll_deg]);
+    let [yaw, pitch, roll] = euler_deg(&(askew.inverse() * body * askew));
+    // The yaw may have made full turns.
+    [angles.yaw_deg + wrapped(yaw - angles.yaw_deg), pitch, roll]
 }
 
 /// Returns the standard error of the tilt at rest, degrees, from the scatter of its rows.

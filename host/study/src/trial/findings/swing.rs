@@ -1,6 +1,7 @@
 //! Findings about the swing of the robot: each flagellum swings it once a turn, so its motion shows whether its speeds can be
 //! true.
 
+use super::import::if_askew_deg;
 use super::{Rule, Section, frame};
 use crate::attitude::{Columns, tilt_deg, wrapped};
 use crate::swing::{
@@ -112,10 +113,11 @@ fn balance(data: &Data, zeroed: &Zeroed) -> Option<Balance> {
     let angles = zeroed.angles().filter(|_| !zeroed.rest.is_missing)?;
     zeroed.steady.as_ref().filter(|steady| steady.settled)?;
     let per_rpm = per_rpm(&data.robot().ok()?)?;
-    // An instrument's frame that is askew leans by twice its tilt at rest at most.
-    let rest_deg = tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
-    let off_deg = if data.records.import.is_some() { 2.0 * rest_deg } else { 0.0 };
-    Some(Balance { yaw_deg: angles.yaw_deg, tilt_deg: angles.tilt_deg, off_deg, per_rpm })
+    // The tilt at rest may be that of the mounting or of the instrument's frame.
+    let [_, pitch_deg, roll_deg] = if_askew_deg(zeroed, &angles);
+    let other_deg = if data.records.import.is_some() { tilt_deg(pitch_deg, roll_deg) } else { angles.tilt_deg };
+    let tilt_deg = [angles.tilt_deg.min(other_deg), angles.tilt_deg.max(other_deg)];
+    Some(Balance { yaw_deg: angles.yaw_deg, tilt_deg, per_rpm })
 }
 
 /// Returns the motion of an import's robot model with the import's speeds.
@@ -170,8 +172,8 @@ const EDGES: f64 = 15.0;
 /// Largest turn of a swing relative to its model's of an import in the right frame, and least turn of a wrong one, degrees.
 const TURNED_DEG: (f64, f64) = (30.0, 45.0);
 
-/// Least tilt whose direction is judged, relative to what it may be off.
-const LEANS: f64 = 1.5;
+/// Least tilt whose direction is judged, relative to the tilt at rest, which may be that of the instrument's frame.
+const LEANS: f64 = 3.0;
 
 /// Largest differences of a turn from that of a model of another stiffness or that of a cause, and from a quarter or a half turn,
 /// degrees.
@@ -183,8 +185,8 @@ fn unlike_its_model(data: &Data, zeroed: &Zeroed) -> Result<Option<String>, &'st
     let model = model(data, zeroed, &own).ok_or(NO_TURN)?;
     let turned_deg = turn(data, &model, &own, turned_deg);
     // Flagella that touch change the mean tilt and the size of the swing, but hardly its directions.
-    // An instrument's frame that is askew has the tilt of the rest.
-    let is_leaning = balance(data, zeroed).is_some_and(|balance| balance.tilt_deg > LEANS * balance.off_deg);
+    let rest_deg = tilt_deg(zeroed.zero_deg[1], zeroed.zero_deg[2]);
+    let is_leaning = balance(data, zeroed).is_some_and(|balance| balance.tilt_deg[0] > LEANS * rest_deg);
     let leans_deg = if is_leaning && !own.touches { turn(data, &model, &own, leans_deg) } else { None };
     let kind = |(angle, factor): (Scaled, f64)| (angle, factor > 1.0);
     // Stiffness changes the swing of the yaw, and of all angles.
