@@ -33,7 +33,7 @@ pub struct PerRpm {
 }
 
 impl PerRpm {
-    /// Returns the attitudes at which the tether balances the torques of rigid flagella ([`mod@resistance`]), and the righting moment
+    /// Returns the attitudes at which the tether balances the torques of rigid flagella ([`resistance`]), and the righting moment
     /// of the weight their thrusts on the levers of their shafts; `None` if the robot is invalid.
     pub fn of(robot: &Robot) -> Option<Self> {
         let (base, flagellum) = (&robot.base, &robot.flagellum);
