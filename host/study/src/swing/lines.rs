@@ -69,10 +69,10 @@ impl<'a> Fitter<'a> {
     }
 
     /// Returns the largest root mean square that the swing may have if the angles have unequal noise: in the plane, and about
-    /// z, °/s.
-    pub fn largest_swing_dps(&self) -> [f64; 2] {
+    /// z, °/s. `known`: the share of the noise that is certain.
+    pub fn largest_swing_dps(&self, known: f64) -> [f64; 2] {
         let Motion { variances, angle_variance, .. } = self.motion;
-        self.swing_beside(variances.map(|variance| self.noise * (variance / angle_variance).min(1.0)))
+        self.swing_beside(variances.map(|variance| known * self.noise * (variance / angle_variance).min(1.0)))
     }
 
     /// Returns the root mean square of the swing beside these sums of squares of the noise about each axis.

@@ -49,6 +49,9 @@ const SLOWEST_ALONE_RPM: f64 = 12.0;
 /// the least swing.
 const ONE_SWING: f64 = 0.5;
 
+/// Share of the noise of a motion that is certain: a variance from 600 readings is known to a quarter.
+const CERTAIN: f64 = 0.75;
+
 /// Relative 95 % uncertainty of the mean speed of a motor without encoder, because the speed wanders.
 pub const WANDER: f64 = 0.005;
 
@@ -207,7 +210,8 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
     let hardly_swings = |swing: [f64; 2], share: f64| [0, 1].map(|k| swing[k] < share * least[k]);
     let end_s = trial.settled_s.end;
     let at_the_end = Motion::of(trial.angles_deg, (end_s - blind::PART_S).max(trial.settled_s.start)..end_s);
-    let at_the_end = at_the_end.map_or(fitter.largest_swing_dps(), |motion| Fitter::new(&motion).largest_swing_dps());
+    let at_the_end =
+        at_the_end.map_or(fitter.largest_swing_dps(1.0), |motion| Fitter::new(&motion).largest_swing_dps(1.0));
     match hardly_swings(at_the_end, 1.0) {
         [_, true] if trial.has_yaw_alone && !trial.may_be_alike() => return Some(Label::HardlySwings(Swing::Yaw)),
         _ if trial.has_yaw_alone => return Some(Label::NotJudged("not all angles are measured")),
@@ -215,7 +219,7 @@ fn missing_swing(trial: &Labelled, fitter: &Fitter, doubts: &Doubts) -> Option<L
         _ => {}
     }
     // The swings of equally fast motors may cancel in the plane, or about z.
-    match hardly_swings(fitter.largest_swing_dps(), ONE_SWING) {
+    match hardly_swings(fitter.largest_swing_dps(CERTAIN), ONE_SWING) {
         _ if trial.may_be_alike() || doubts.are_alike || doubts.is_noisy => None,
         [true, _] => Some(Label::HardlySwings(Swing::Tilt)),
         [_, true] => Some(Label::HardlySwings(Swing::Yaw)),

@@ -44,7 +44,7 @@ const MORE: f64 = 2.5;
 const LARGEST_DEG: f64 = 80.0;
 
 /// Returns the largest tilt of a robot, degrees, at which the righting moment of its weight balances the moment of both thrusts
-/// at the fastest speed on the levers of their shafts ([`mod@resistance`]); `None` if its file is invalid.
+/// at the fastest speed on the levers of their shafts ([`PerRpm`]); `None` if its file is invalid.
 pub(super) fn largest_tilt_deg(robot: &Robot) -> Option<f64> {
     let sine = MORE * FASTEST_RPM * righting(robot).1?.tilt_deg.map(|deg| deg.to_radians().abs()).iter().sum::<f64>();
     Some(asin(sine.min(1.0)).to_degrees().min(LARGEST_DEG))
