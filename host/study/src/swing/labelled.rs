@@ -47,7 +47,7 @@ impl Labelled<'_> {
     }
 
     /// Returns whether the speeds do not distinguish the motors.
-    pub fn is_vague(&self) -> bool {
+    pub(super) fn is_vague(&self) -> bool {
         self.may_be_alike() && self.off.0 > WELL_KNOWN
     }
 
