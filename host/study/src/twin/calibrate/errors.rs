@@ -55,12 +55,13 @@ impl TrialErrors {
     /// about as large as those of two swings.
     fn with_swing(mut self, data: &Data, measured: &Blocks, block_s: f64) -> Self {
         let turns = data.speeds().map(|speed| speed.rpm() / 60.0 * block_s);
+        let line = |lag: usize| turns.iter().map(|turns| cos(TAU * turns * lag as f64)).sum();
+        let lines: Vec<f64> = (0..measured[0].len()).map(line).collect();
         for (own, blocks) in self.own.iter_mut().zip(measured) {
             let squares = blocks.as_slice().windows(2).map(|pair| powi(pair[1] - pair[0], 2));
             let swing_deg2 = squares.sum::<f64>() / blocks.len().max(1) as f64;
             *own += DMatrix::from_fn(blocks.len(), blocks.len(), |i, j| {
-                let line = |turns: f64| cos(TAU * turns * (i as f64 - j as f64));
-                swing_deg2 * (line(turns[0]) + line(turns[1]) + if i == j { 1.0 } else { 0.0 })
+                swing_deg2 * (lines[i.abs_diff(j)] + if i == j { 1.0 } else { 0.0 })
             });
         }
         self
